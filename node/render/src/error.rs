@@ -1,0 +1,55 @@
+//! What can go wrong between a view and a picture.
+
+use thiserror::Error;
+
+use crate::gpu::GpuError;
+
+/// Why a picture could not be made.
+#[derive(Debug, Error)]
+pub enum RenderError {
+    /// The device was lost or could not be opened.
+    #[error(transparent)]
+    Gpu(#[from] GpuError),
+    /// A shader could not be put together: a defect of the program, not of its input.
+    #[error("shader source: {0}")]
+    Shader(#[from] shaders::ResolveError),
+    /// A layer's data cannot be opened.
+    #[error("layer \"{layer}\": {reason}")]
+    Layer {
+        /// The layer's name in the scene.
+        layer: String,
+        /// What is wrong with it.
+        reason: String,
+    },
+    /// An output is larger than the device can draw.
+    #[error("output \"{output}\" is {width}×{height} pixels; this graphics adapter draws at most {most} a side: split it into several outputs")]
+    OutputTooLarge {
+        /// The output's name.
+        output: String,
+        /// Its width in pixels.
+        width: u32,
+        /// Its height in pixels.
+        height: u32,
+        /// The adapter's limit.
+        most: u32,
+    },
+    /// A window could not be shown on its surface.
+    #[error("window of output \"{output}\": {reason}")]
+    Window {
+        /// The output's name.
+        output: String,
+        /// What the window system said.
+        reason: String,
+    },
+    /// An option of the scene that the mesh does not allow.
+    #[error("mesh: {0}")]
+    Mesh(String),
+    /// A finished picture could not be read back.
+    #[error("output \"{output}\" could not be read back: {reason}")]
+    Readback {
+        /// The output's name.
+        output: String,
+        /// What the driver said.
+        reason: String,
+    },
+}

@@ -1,0 +1,119 @@
+//! The graphics device: finds an adapter, opens it, names it.
+//! In: an adapter's name or nothing. Out: device and queue. It draws nothing.
+
+use thiserror::Error;
+
+/// An open graphics device.
+#[derive(Debug)]
+pub struct Gpu {
+    /// Where adapters and surfaces come from.
+    pub instance: wgpu::Instance,
+    /// The adapter that was chosen.
+    pub adapter: wgpu::Adapter,
+    /// The logical device.
+    pub device: wgpu::Device,
+    /// Its one queue.
+    pub queue: wgpu::Queue,
+}
+
+/// Why no device could be opened.
+#[derive(Debug, Error)]
+pub enum GpuError {
+    /// No Vulkan driver offers an adapter at all.
+    #[error(
+        "no graphics adapter: no Vulkan driver answers on this machine. Install the driver of the graphics card, \
+         or a software driver (on Debian and Ubuntu: apt-get install mesa-vulkan-drivers libvulkan1), and run \
+         `vulkaninfo --summary` to see what is found"
+    )]
+    NoAdapter,
+    /// An adapter was asked for by name and is not there.
+    #[error("no graphics adapter \"{wanted}\": this machine has {known}")]
+    UnknownAdapter {
+        /// Part of a name, as it was asked for.
+        wanted: String,
+        /// The adapters that exist.
+        known: String,
+    },
+    /// The adapter cannot do what the renderer needs.
+    #[error("graphics adapter \"{adapter}\" cannot be used: {reason}")]
+    Unusable {
+        /// The adapter's name.
+        adapter: String,
+        /// What the driver said.
+        reason: String,
+    },
+}
+
+impl Gpu {
+    /// Opens the adapter whose name contains `wanted`, or the fastest one. A real GPU is preferred to a
+    /// software driver; among equals the order is the driver's.
+    pub fn open(wanted: Option<&str>) -> Result<Self, GpuError> {
+        let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
+        descriptor.backends = wgpu::Backends::VULKAN;
+        let instance = wgpu::Instance::new(descriptor);
+        let mut adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::VULKAN));
+        adapters.sort_by_key(|adapter| match adapter.get_info().device_type {
+            wgpu::DeviceType::DiscreteGpu => 0,
+            wgpu::DeviceType::IntegratedGpu => 1,
+            wgpu::DeviceType::VirtualGpu => 2,
+            wgpu::DeviceType::Other => 3,
+            wgpu::DeviceType::Cpu => 4,
+        });
+        let known: Vec<String> =
+            adapters.iter().map(|adapter| format!("\"{}\"", adapter.get_info().name)).collect();
+        if adapters.is_empty() {
+            return Err(GpuError::NoAdapter);
+        }
+        let chosen = adapters
+            .into_iter()
+            .find(|adapter| wanted.is_none_or(|part| adapter.get_info().name.contains(part)));
+        let Some(adapter) = chosen else {
+            return Err(GpuError::UnknownAdapter {
+                wanted: wanted.unwrap_or_default().to_owned(),
+                known: known.join(", "),
+            });
+        };
+        let name = adapter.get_info().name;
+        let available = adapter.limits();
+        let limits = wgpu::Limits {
+            max_texture_dimension_2d: available.max_texture_dimension_2d,
+            max_texture_array_layers: available.max_texture_array_layers,
+            max_buffer_size: available.max_buffer_size,
+            max_storage_buffer_binding_size: available.max_storage_buffer_binding_size,
+            ..wgpu::Limits::default()
+        };
+        let request = wgpu::DeviceDescriptor {
+            label: Some("terrawall"),
+            required_features: wgpu::Features::empty(),
+            required_limits: limits,
+            ..wgpu::DeviceDescriptor::default()
+        };
+        let (device, queue) = pollster::block_on(adapter.request_device(&request))
+            .map_err(|error| GpuError::Unusable { adapter: name, reason: error.to_string() })?;
+        Ok(Self { instance, adapter, device, queue })
+    }
+
+    /// The adapter's name and driver, for reports.
+    #[must_use]
+    pub fn name(&self) -> String {
+        let info = self.adapter.get_info();
+        if info.driver_info.is_empty() {
+            info.name
+        } else {
+            format!("{} ({})", info.name, info.driver_info)
+        }
+    }
+
+    /// True for a driver that computes on the CPU.
+    #[must_use]
+    pub fn is_software(&self) -> bool {
+        self.adapter.get_info().device_type == wgpu::DeviceType::Cpu
+    }
+
+    /// Waits until all submitted work is done.
+    pub fn wait(&self) -> Result<(), GpuError> {
+        self.device.poll(wgpu::PollType::wait_indefinitely()).map(|_| ()).map_err(|error| {
+            GpuError::Unusable { adapter: self.name(), reason: error.to_string() }
+        })
+    }
+}

@@ -1,0 +1,175 @@
+//! Patch meshes on the GPU: one slot of a vertex buffer per tile that is drawn, rebuilt when its seams or
+//! its data change. In: tiles with seams and lattices. Out: slots to draw. Least recently used slots are
+//! taken again; a slot in use in this frame never is.
+
+use std::collections::HashMap;
+
+use geodesy::{Ellipsoid, Tile};
+use terrain::{Lattice, Patch, Seams, Vertex};
+
+use crate::error::RenderError;
+use crate::gpu::Gpu;
+
+const VERTEX_BYTES: u64 = Vertex::BYTES as u64;
+
+/// The base patch, and the meshes made from it.
+#[derive(Debug)]
+pub(crate) struct Meshes {
+    patch: Patch,
+    pub(crate) vertices: wgpu::Buffer,
+    pub(crate) indices: wgpu::Buffer,
+    /// First index and count of each of the 16 border variants.
+    variants: [(u32, u32); 16],
+    slots: HashMap<Tile, Slot>,
+    free: Vec<u32>,
+    capacity: u32,
+    vertices_scratch: Vec<Vertex>,
+    bytes_scratch: Vec<u8>,
+}
+
+#[derive(Clone, Debug)]
+struct Slot {
+    slot: u32,
+    seams: Seams,
+    used: u64,
+}
+
+/// What to draw for one tile.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct MeshDraw {
+    pub(crate) base_vertex: i32,
+    pub(crate) first_index: u32,
+    pub(crate) index_count: u32,
+}
+
+/// The leaf, what it shows, and how it meets its neighbours.
+pub(crate) struct MeshRequest<'a> {
+    pub(crate) tile: Tile,
+    pub(crate) seams: Seams,
+    pub(crate) quantum_m: f64,
+    pub(crate) data: &'a dyn Fn(Tile) -> Option<&'a dyn Lattice>,
+}
+
+impl Meshes {
+    /// Slots for patches of refinement level `refinement` within `budget_bytes`, at least 64.
+    pub(crate) fn new(gpu: &Gpu, refinement: u8, budget_bytes: u64) -> Result<Self, RenderError> {
+        let patch = Patch::new(refinement).map_err(|error| RenderError::Mesh(error.to_string()))?;
+        let slot_bytes = patch.positions.len() as u64 * VERTEX_BYTES;
+        let most = (gpu.device.limits().max_buffer_size / slot_bytes).min(16_384);
+        let capacity = (budget_bytes / slot_bytes).clamp(64, most.max(64)) as u32;
+        let vertices = gpu.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("patch vertices"),
+            size: u64::from(capacity) * slot_bytes,
+            usage: wgpu::BufferUsages::VERTEX | wgpu::BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        });
+        let mut all_indices: Vec<u16> = Vec::new();
+        let mut variants = [(0, 0); 16];
+        for (border, range) in variants.iter_mut().enumerate() {
+            let indices = &patch.indices[border];
+            *range = (all_indices.len() as u32, indices.len() as u32);
+            all_indices.extend_from_slice(indices);
+        }
+        // Buffer copies move whole words.
+        if all_indices.len() % 2 == 1 {
+            all_indices.push(0);
+        }
+        let indices = gpu.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("patch indices"),
+            size: size_of_val(all_indices.as_slice()) as u64,
+            usage: wgpu::BufferUsages::INDEX | wgpu::BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        });
+        gpu.queue.write_buffer(&indices, 0, bytemuck::cast_slice(&all_indices));
+        Ok(Self {
+            patch,
+            vertices,
+            indices,
+            variants,
+            slots: HashMap::new(),
+            free: (0..capacity).rev().collect(),
+            capacity,
+            vertices_scratch: Vec::new(),
+            bytes_scratch: Vec::new(),
+        })
+    }
+
+    /// Patches that can be drawn in one frame.
+    pub(crate) fn capacity(&self) -> usize {
+        self.capacity as usize
+    }
+
+
+    /// The mesh of a tile, built and uploaded where it is not there in this form. The flag tells whether
+    /// it was. `None` when every slot is in use in this frame, or data that the seams name is not in
+    /// memory any more; the next frame asks for it again.
+    pub(crate) fn prepare(
+        &mut self,
+        gpu: &Gpu,
+        ellipsoid: &Ellipsoid,
+        request: &MeshRequest<'_>,
+        frame: u64,
+    ) -> Option<(MeshDraw, bool)> {
+        if let Some(known) = self.slots.get_mut(&request.tile)
+            && known.seams == request.seams
+        {
+            known.used = frame;
+            let slot = known.slot;
+            return Some((self.draw(slot, &request.seams), false));
+        }
+        let mut vertices = std::mem::take(&mut self.vertices_scratch);
+        vertices.clear();
+        let built = terrain::build(
+            ellipsoid,
+            request.tile,
+            &request.seams.levels,
+            &self.patch,
+            request.quantum_m,
+            request.data,
+            &mut vertices,
+        );
+        let slot = match built {
+            Ok(_) => self.slot_for(request, frame),
+            Err(error) => {
+                tracing::warn!(%error, "a mesh waits for its elevation");
+                None
+            }
+        };
+        if let Some(slot) = slot {
+            self.bytes_scratch.clear();
+            self.bytes_scratch.extend(vertices.iter().flat_map(Vertex::to_bytes));
+            let offset = u64::from(slot) * self.patch.positions.len() as u64 * VERTEX_BYTES;
+            gpu.queue.write_buffer(&self.vertices, offset, &self.bytes_scratch);
+        }
+        self.vertices_scratch = vertices;
+        slot.map(|slot| (self.draw(slot, &request.seams), true))
+    }
+
+    fn slot_for(&mut self, request: &MeshRequest<'_>, frame: u64) -> Option<u32> {
+        let slot = match self.slots.get(&request.tile) {
+            Some(stale) => stale.slot,
+            None => self.free.pop().or_else(|| self.evict(frame))?,
+        };
+        self.slots.insert(request.tile, Slot { slot, seams: request.seams, used: frame });
+        Some(slot)
+    }
+
+    fn draw(&self, slot: u32, seams: &Seams) -> MeshDraw {
+        let (first_index, index_count) = self.variants[usize::from(seams.variant & 15)];
+        MeshDraw {
+            base_vertex: (slot as usize * self.patch.positions.len()) as i32,
+            first_index,
+            index_count,
+        }
+    }
+
+    fn evict(&mut self, frame: u64) -> Option<u32> {
+        let oldest = self
+            .slots
+            .iter()
+            .filter(|(_, slot)| slot.used < frame)
+            .min_by_key(|(tile, slot)| (slot.used, **tile))
+            .map(|(tile, _)| *tile)?;
+        self.slots.remove(&oldest).map(|slot| slot.slot)
+    }
+}

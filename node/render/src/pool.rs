@@ -1,0 +1,116 @@
+//! Layers of a texture array, lent to tiles: least recently used ones are lent again.
+//! In: tiles that are wanted, frame numbers. Out: layer numbers. Bookkeeping only; it owns no texture.
+
+use std::collections::HashMap;
+
+use geodesy::Tile;
+
+/// Which tile holds which layer. Layer 0 is never lent: it is the neutral picture.
+#[derive(Debug)]
+pub struct LayerPool {
+    layers: HashMap<Tile, Slot>,
+    free: Vec<u32>,
+    capacity: u32,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Slot {
+    layer: u32,
+    used: u64,
+}
+
+impl LayerPool {
+    /// A pool over layers 1…`layers` − 1.
+    #[must_use]
+    pub fn new(layers: u32) -> Self {
+        Self { layers: HashMap::new(), free: (1..layers).rev().collect(), capacity: layers }
+    }
+
+    /// The layer of a tile, which counts as used in this frame.
+    pub fn get(&mut self, tile: Tile, frame: u64) -> Option<u32> {
+        let slot = self.layers.get_mut(&tile)?;
+        slot.used = frame;
+        Some(slot.layer)
+    }
+
+    /// True where the tile holds a layer. Does not count as use.
+    #[must_use]
+    pub fn contains(&self, tile: Tile) -> bool {
+        self.layers.contains_key(&tile)
+    }
+
+    /// Lends a layer to a tile: a free one, else that of the tile unused for longest. `None` while every
+    /// layer is in use in this frame: the budget is too small for the view.
+    pub fn lend(&mut self, tile: Tile, frame: u64) -> Option<u32> {
+        if let Some(layer) = self.get(tile, frame) {
+            return Some(layer);
+        }
+        let layer = self.free.pop().or_else(|| self.evict(frame))?;
+        self.layers.insert(tile, Slot { layer, used: frame });
+        Some(layer)
+    }
+
+    fn evict(&mut self, frame: u64) -> Option<u32> {
+        let oldest = self
+            .layers
+            .iter()
+            .filter(|(_, slot)| slot.used < frame)
+            .min_by_key(|(tile, slot)| (slot.used, **tile))
+            .map(|(tile, _)| *tile)?;
+        self.layers.remove(&oldest).map(|slot| slot.layer)
+    }
+
+    /// Takes all layers back.
+    pub fn clear(&mut self) {
+        self.layers.clear();
+        self.free = (1..self.capacity).rev().collect();
+    }
+
+    /// Layers that can be lent in all.
+    #[must_use]
+    pub fn capacity(&self) -> u32 {
+        self.capacity.saturating_sub(1)
+    }
+
+    /// Layers that are lent.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.layers.len()
+    }
+
+    /// True when no layer is lent.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.layers.is_empty()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used, reason = "a test that panics has failed")]
+
+    use super::*;
+
+    fn tile(x: u32) -> Tile {
+        Tile::new(0, 5, x, 0).unwrap()
+    }
+
+    #[test]
+    fn the_oldest_layer_is_lent_again_and_layer_zero_never() {
+        let mut pool = LayerPool::new(3);
+        let first = pool.lend(tile(1), 1).unwrap();
+        let second = pool.lend(tile(2), 2).unwrap();
+        assert!(first != 0 && second != 0 && first != second);
+        assert_eq!(pool.lend(tile(3), 3), Some(first));
+        assert!(!pool.contains(tile(1)) && pool.contains(tile(2)));
+    }
+
+    #[test]
+    fn layers_in_use_in_this_frame_stay() {
+        let mut pool = LayerPool::new(3);
+        pool.lend(tile(1), 7).unwrap();
+        pool.lend(tile(2), 7).unwrap();
+        assert_eq!(pool.lend(tile(3), 7), None);
+        assert_eq!(pool.len(), 2);
+    }
+}

@@ -1,0 +1,152 @@
+//! The data behind a scene: one elevation and one imagery data set in the tile cache.
+//! In: repositories. Out: which data a tile shows now, which it should show, and height ranges for the
+//! level of detail. The ranges come from the index alone, so they are the same on every node at once.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use geodesy::{Ellipsoid, Tile};
+use terrain::{HeightRanges, Lattice};
+use tiles::{DatasetId, Lookup, OpenDataset, TileCache, TileData};
+
+use crate::error::RenderError;
+
+/// Sun and ambient light.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Light {
+    /// Unit vector towards the sun in ECEF axes.
+    pub sun: glam::DVec3,
+    /// Share of light that is there in full shadow, 0…1.
+    pub ambient: f64,
+    /// Factor on slopes for shading only, ≥ 0; 1 is the truth.
+    pub relief: f64,
+}
+
+/// The direction to a sun in the zenith of a place, in degrees.
+#[must_use]
+pub fn sun_over(latitude_deg: f64, longitude_deg: f64) -> glam::DVec3 {
+    Ellipsoid::normal(latitude_deg, longitude_deg)
+}
+
+/// The air around the planet.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Air {
+    /// Scale height in metres; 0 switches air off.
+    pub thickness_m: f64,
+    /// Its colour, gamma encoded, 0…1.
+    pub colour: [f64; 3],
+}
+
+/// What to draw.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SceneData {
+    /// The planet.
+    pub ellipsoid: Ellipsoid,
+    /// Name and repository of the elevation layer.
+    pub elevation: Option<(String, PathBuf)>,
+    /// Name and repository of the imagery layer.
+    pub imagery: Option<(String, PathBuf)>,
+    /// Light.
+    pub light: Light,
+    /// Air.
+    pub air: Air,
+    /// Refinement level l of the base patches, 0…7.
+    pub refinement: u8,
+    /// Side in pixels beyond which a tile is split.
+    pub tile_px: f64,
+    /// No tile is split beyond this level.
+    pub deepest_level: u8,
+}
+
+/// One opened layer.
+#[derive(Clone, Debug)]
+pub(crate) struct Layer {
+    pub(crate) id: DatasetId,
+    pub(crate) data: Arc<OpenDataset>,
+}
+
+/// A tile's data as the mesh reads it.
+#[derive(Debug)]
+pub(crate) struct Heights(pub(crate) Arc<TileData>);
+
+impl Lattice for Heights {
+    fn tile(&self) -> Tile {
+        self.0.tile
+    }
+
+    fn height(&self, i: i64, j: i64) -> Option<i32> {
+        self.0.height(i, j)
+    }
+}
+
+impl Layer {
+    pub(crate) fn open(
+        cache: &TileCache,
+        (name, path): &(String, PathBuf),
+        ellipsoid: &Ellipsoid,
+        kind: tiles::Kind,
+    ) -> Result<Self, RenderError> {
+        let refuse = |reason: String| RenderError::Layer { layer: name.clone(), reason };
+        let id = cache.add_dataset(path).map_err(|error| refuse(error.to_string()))?;
+        let data = cache.dataset(id).ok_or_else(|| refuse("it was closed again".to_owned()))?;
+        let found = data.dataset.kind;
+        if found != kind {
+            return Err(refuse(format!(
+                "{} holds {found:?} tiles, the scene asks for {kind:?}: correct the layer's kind or its repository",
+                path.display()
+            )));
+        }
+        if data.dataset.ellipsoid != *ellipsoid {
+            return Err(refuse(format!(
+                "{} was imported for an ellipsoid of {} m × {} m, the scene's planet has {} m × {} m",
+                path.display(),
+                data.dataset.ellipsoid.semi_major_m,
+                data.dataset.ellipsoid.semi_minor_m,
+                ellipsoid.semi_major_m,
+                ellipsoid.semi_minor_m
+            )));
+        }
+        Ok(Self { id, data })
+    }
+
+    /// A number of a tile of this data set that is the same on every node.
+    pub(crate) fn number(&self, tile: Tile) -> u64 {
+        self.data.dataset.id.low_bits().rotate_left(17) ^ tile.id()
+    }
+
+    /// The tile whose data a leaf should show: itself, or its finest ancestor that exists.
+    pub(crate) fn best(&self, leaf: Tile) -> Option<Tile> {
+        self.data.index.best(leaf)
+    }
+
+    /// The data that a leaf can show now: the finest of its lineage that is in memory. Never blocks.
+    pub(crate) fn resident(&self, cache: &TileCache, leaf: Tile) -> Option<Arc<TileData>> {
+        self.best(leaf)?.lineage().find_map(|tile| match cache.get(self.id, tile) {
+            Lookup::Ready(data) => Some(data),
+            Lookup::Absent | Lookup::Pending | Lookup::Failed(_) => None,
+        })
+    }
+}
+
+/// Height ranges of one elevation layer, or of a bare ellipsoid.
+pub(crate) struct Ranges<'a>(pub(crate) Option<&'a Layer>);
+
+impl HeightRanges for Ranges<'_> {
+    fn range_m(&self, tile: Tile) -> (f64, f64) {
+        let Some(layer) = self.0 else { return (0.0, 0.0) };
+        // A tile may show a coarser, smoothed level, whose values mix in those of its surroundings.
+        let wide = layer.best(tile).map(|best| best.parent().unwrap_or(best));
+        let range = wide.and_then(|tile| layer.data.index.range(tile));
+        let (lowest, highest) = range.unwrap_or((0.0, 0.0));
+        let quantum_m = layer.data.dataset.unit();
+        // Ground without data lies on the ellipsoid.
+        ((lowest * quantum_m).min(0.0), (highest * quantum_m).max(0.0))
+    }
+}
+
+impl Ranges<'_> {
+    /// The lowest height drawn anywhere.
+    pub(crate) fn floor_m(&self) -> f64 {
+        Tile::ROOTS.iter().map(|root| self.range_m(*root).0).fold(0.0, f64::min)
+    }
+}

@@ -1,0 +1,128 @@
+//! Where pictures are drawn: one picture per output, and the block that is being drawn for it.
+//! In: outputs' sizes. Out: textures to draw into, copies between them, and pixels read back.
+
+use crate::canvas::OutputPlan;
+use crate::error::RenderError;
+use crate::gpu::Gpu;
+
+/// Pictures hold gamma-encoded colour as it goes to a screen or into a PNG.
+pub(crate) const COLOUR: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8Unorm;
+pub(crate) const DEPTH: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
+
+/// The finished picture of one output.
+#[derive(Debug)]
+pub(crate) struct OutputTarget {
+    pub(crate) texture: wgpu::Texture,
+    pub(crate) view: wgpu::TextureView,
+}
+
+/// Depth, and where needed colour, of the block being drawn for one output.
+#[derive(Debug)]
+pub(crate) struct BlockTarget {
+    /// `None` where the output is exactly one block's part and is drawn to directly.
+    pub(crate) colour: Option<(wgpu::Texture, wgpu::TextureView)>,
+    pub(crate) depth: wgpu::TextureView,
+}
+
+/// Pixels of one output, row by row from the top, four bytes each: red, green, blue, 255.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Picture {
+    /// Width in pixels.
+    pub width: u32,
+    /// Height in pixels.
+    pub height: u32,
+    /// width × height × 4 bytes.
+    pub rgba: Vec<u8>,
+}
+
+fn texture(
+    gpu: &Gpu,
+    label: &str,
+    [width, height]: [u32; 2],
+    format: wgpu::TextureFormat,
+    usage: wgpu::TextureUsages,
+) -> wgpu::Texture {
+    gpu.device.create_texture(&wgpu::TextureDescriptor {
+        label: Some(label),
+        size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
+        mip_level_count: 1,
+        sample_count: 1,
+        dimension: wgpu::TextureDimension::D2,
+        format,
+        usage: usage | wgpu::TextureUsages::RENDER_ATTACHMENT,
+        view_formats: &[],
+    })
+}
+
+impl OutputTarget {
+    pub(crate) fn new(gpu: &Gpu, plan: &OutputPlan) -> Result<Self, RenderError> {
+        let most = gpu.device.limits().max_texture_dimension_2d;
+        let [width, height] = plan.size_px;
+        if width == 0 || height == 0 || width > most || height > most {
+            return Err(RenderError::OutputTooLarge { output: plan.name.clone(), width, height, most });
+        }
+        let usage = wgpu::TextureUsages::COPY_SRC
+            | wgpu::TextureUsages::COPY_DST
+            | wgpu::TextureUsages::TEXTURE_BINDING;
+        let texture = texture(gpu, &plan.name, plan.size_px, COLOUR, usage);
+        let view = texture.create_view(&wgpu::TextureViewDescriptor::default());
+        Ok(Self { texture, view })
+    }
+
+    /// Copies the picture to the CPU. Waits for the GPU.
+    pub(crate) fn read(&self, gpu: &Gpu, name: &str) -> Result<Picture, RenderError> {
+        let (width, height) = (self.texture.width(), self.texture.height());
+        let row_bytes = (width * 4).next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT);
+        let buffer = gpu.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("read back"),
+            size: u64::from(row_bytes) * u64::from(height),
+            usage: wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ,
+            mapped_at_creation: false,
+        });
+        let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        encoder.copy_texture_to_buffer(
+            self.texture.as_image_copy(),
+            wgpu::TexelCopyBufferInfo {
+                buffer: &buffer,
+                layout: wgpu::TexelCopyBufferLayout {
+                    offset: 0,
+                    bytes_per_row: Some(row_bytes),
+                    rows_per_image: Some(height),
+                },
+            },
+            self.texture.size(),
+        );
+        gpu.queue.submit([encoder.finish()]);
+        let failed = |reason: String| RenderError::Readback { output: name.to_owned(), reason };
+        let (sender, receiver) = std::sync::mpsc::channel();
+        buffer.slice(..).map_async(wgpu::MapMode::Read, move |result| {
+            // The receiver lives until the wait below has returned.
+            let _ = sender.send(result);
+        });
+        gpu.wait()?;
+        receiver
+            .recv()
+            .map_err(|error| failed(error.to_string()))?
+            .map_err(|error| failed(error.to_string()))?;
+        let mapped = buffer.slice(..).get_mapped_range().map_err(|error| failed(error.to_string()))?;
+        let mut rgba = Vec::with_capacity((width * height * 4) as usize);
+        for row in mapped.chunks(row_bytes as usize) {
+            rgba.extend_from_slice(row.get(..(width * 4) as usize).unwrap_or(row));
+        }
+        Ok(Picture { width, height, rgba })
+    }
+}
+
+impl BlockTarget {
+    /// A target of `size` pixels, without colour of its own for a `direct` output.
+    pub(crate) fn new(gpu: &Gpu, size: [u32; 2], direct: bool) -> Self {
+        let view = |texture: &wgpu::Texture| texture.create_view(&wgpu::TextureViewDescriptor::default());
+        let colour = (!direct).then(|| {
+            let colour = texture(gpu, "block", size, COLOUR, wgpu::TextureUsages::COPY_SRC);
+            let colour_view = view(&colour);
+            (colour, colour_view)
+        });
+        let depth = texture(gpu, "block depth", size, DEPTH, wgpu::TextureUsages::empty());
+        Self { colour, depth: view(&depth) }
+    }
+}
