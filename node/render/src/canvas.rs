@@ -11,7 +11,7 @@ use glam::{DMat3, DMat4, DVec3, DVec4, Mat4, Vec3};
 /// The largest side of a block in pixels. Blocks are aligned to the canvas.
 pub const BLOCK_PX: u32 = 2048;
 /// The near plane in metres. With an infinite reversed depth range in f32 it costs no precision.
-pub const NEAR_M: f64 = 0.1;
+pub(crate) const NEAR_M: f64 = 0.1;
 
 /// A planar screen in room axes, relative to the eye.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -230,7 +230,7 @@ mod tests {
     #[test]
     fn rays_and_transform_agree() {
         let block = &screen().blocks(PixelRect { x: 0, y: 0, width: 16, height: 16 }, room())[0];
-        let [corner, right, down] = block.ray.map(|ray| ray.as_dvec3());
+        let [corner, right, down] = block.ray.map(Vec3::as_dvec3);
         let [x, y] = project(block, (corner + right * 300.0 + down * 200.0) * 500.0);
         assert!((x - 300.0).abs() < 1e-2 && (y - 200.0).abs() < 1e-2, "{x} {y}");
     }

@@ -17,6 +17,8 @@ mod window;
 
 #[cfg(test)]
 mod device_tests;
+#[cfg(test)]
+mod picture_tests;
 
 pub use canvas::{BLOCK_PX, ChannelPlan, OutputPlan, PixelRect, PlanarScreen};
 pub use error::RenderError;

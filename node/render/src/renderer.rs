@@ -70,7 +70,6 @@ pub struct FrameStatistics {
 }
 
 /// Draws one scene for the outputs of one node.
-#[derive(Debug)]
 pub struct Renderer {
     gpu: Arc<Gpu>,
     cache: Arc<TileCache>,
@@ -88,11 +87,22 @@ pub struct Renderer {
     last: Option<LastFrame>,
 }
 
-#[derive(Debug)]
 struct LoadedScene {
     data: SceneData,
     elevation: Option<Layer>,
     imagery: Option<Layer>,
+}
+
+impl LoadedScene {
+    /// Beyond the level at which a patch's vertices reach every node of the deepest data, a split would
+    /// show nothing new. From the indices alone, so the same on every node.
+    fn deepest_level(&self) -> u8 {
+        let layers = [&self.elevation, &self.imagery];
+        let deepest = layers.into_iter().flatten().map(|layer| layer.data.index.deepest_level()).max();
+        let finest_patch = geodesy::LATTICE_BITS - 1;
+        let reached = deepest.unwrap_or(0) + finest_patch.saturating_sub(self.data.refinement);
+        reached.min(self.data.deepest_level)
+    }
 }
 
 /// What the standing picture was made from.
@@ -218,6 +228,7 @@ impl Renderer {
             frame: self.frame,
             upload_until: Instant::now() + self.budget.upload,
             wants: Vec::new(),
+            pending: 0,
             shown: Vec::new(),
             statistics: FrameStatistics { converged: true, ..FrameStatistics::default() },
         };
@@ -225,10 +236,11 @@ impl Renderer {
         let (draws, records) = gather.run(view, &blocks);
         let mut statistics = gather.statistics;
         let wants = std::mem::take(&mut gather.wants);
+        let pending = gather.pending;
         let shown = std::mem::take(&mut gather.shown);
         self.new_tiles.extend(shown.into_iter().filter(|number| self.used.insert(*number)));
-        statistics.pending_tiles = wants.len() as u32;
-        statistics.converged &= wants.is_empty();
+        statistics.pending_tiles = pending;
+        statistics.converged &= pending == 0;
         self.cache.request(&wants);
         let relit = std::mem::take(&mut self.relit);
         let unchanged = self.last.as_ref().is_some_and(|last| {
@@ -443,6 +455,8 @@ struct Gather<'a> {
     frame: u64,
     upload_until: Instant,
     wants: Vec<(DatasetId, Tile, f32)>,
+    /// Wanted tiles that can be expected; those that failed to load are tried again, but not waited for.
+    pending: u32,
     /// Numbers of the tiles whose data was brought to the GPU or into a mesh.
     shown: Vec<u64>,
     statistics: FrameStatistics,
@@ -466,7 +480,7 @@ impl Gather<'_> {
                 continue;
             }
             let limits = LodLimits {
-                deepest_level: self.scene.data.deepest_level,
+                deepest_level: self.scene.deepest_level(),
                 tile_px: self.scene.data.tile_px,
                 most_tiles: 4 * self.meshes.capacity(),
             };
@@ -550,7 +564,7 @@ impl Gather<'_> {
         let mut gathered = GatheredHeights::default();
         let Some(layer) = &self.scene.elevation else { return gathered };
         for root in Tile::ROOTS {
-            self.want(layer, root, f32::MAX);
+            self.want(layer, root, &self.cache.get(layer.id, root), f32::MAX);
         }
         for leaf in visible {
             gathered.add(self.cache, layer, *leaf);
@@ -563,15 +577,20 @@ impl Gather<'_> {
         missing.dedup();
         self.shown.extend(gathered.resident.keys().map(|tile| layer.number(*tile)));
         for tile in missing {
-            self.want(layer, tile, priority(&self.scene.data.ellipsoid, eye, tile));
+            let urgency = priority(&self.scene.data.ellipsoid, eye, tile);
+            self.want(layer, tile, &self.cache.get(layer.id, tile), urgency);
         }
         gathered
     }
 
-    fn want(&mut self, layer: &Layer, tile: Tile, priority: f32) {
-        if layer.data.index.contains(tile) && matches!(self.cache.get(layer.id, tile), Lookup::Pending) {
-            self.wants.push((layer.id, tile, priority));
+    /// Wishes for a tile that is not in memory.
+    fn want(&mut self, layer: &Layer, tile: Tile, found: &Lookup, priority: f32) {
+        match found {
+            Lookup::Pending => self.pending += 1,
+            Lookup::Failed(_) => {}
+            Lookup::Ready(_) | Lookup::Absent => return,
         }
+        self.wants.push((layer.id, tile, priority));
     }
 
     fn may_upload(&self) -> bool {
@@ -629,7 +648,8 @@ impl Gather<'_> {
             if let Some(found) = self.textures.imagery.get(tile, self.frame) {
                 return place(leaf, tile, found);
             }
-            match self.cache.get(layer.id, tile) {
+            let found = self.cache.get(layer.id, tile);
+            match found {
                 Lookup::Ready(data) if self.may_upload() => {
                     if let Some(lent) = self.textures.imagery.lend(tile, self.frame) {
                         self.textures.upload_imagery(self.gpu, &data, lent);
@@ -640,11 +660,11 @@ impl Gather<'_> {
                     self.statistics.converged = false;
                 }
                 Lookup::Ready(_) => self.statistics.converged = false,
-                Lookup::Pending => {
+                Lookup::Pending | Lookup::Failed(_) => {
                     let urgency = priority(&self.scene.data.ellipsoid, eye, tile);
-                    self.wants.push((layer.id, tile, urgency));
+                    self.want(layer, tile, &found, urgency);
                 }
-                Lookup::Absent | Lookup::Failed(_) => {}
+                Lookup::Absent => {}
             }
         }
         place(leaf, leaf, 0)

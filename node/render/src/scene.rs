@@ -59,9 +59,11 @@ pub struct SceneData {
 }
 
 /// One opened layer.
-#[derive(Clone, Debug)]
+#[derive(Clone)]
 pub(crate) struct Layer {
     pub(crate) id: DatasetId,
+    /// Tells this layer's tiles from those of others; the same on every node.
+    seed: u64,
     pub(crate) data: Arc<OpenDataset>,
 }
 
@@ -106,12 +108,15 @@ impl Layer {
                 ellipsoid.semi_minor_m
             )));
         }
-        Ok(Self { id, data })
+        // The last 16 of the id's 32 hexadecimal digits.
+        let digits = id.to_string().split_off(16);
+        let seed = u64::from_str_radix(&digits, 16).unwrap_or_default();
+        Ok(Self { id, seed, data })
     }
 
     /// A number of a tile of this data set that is the same on every node.
     pub(crate) fn number(&self, tile: Tile) -> u64 {
-        self.data.dataset.id.low_bits().rotate_left(17) ^ tile.id()
+        self.seed.wrapping_add(tile.id().wrapping_mul(0x9E37_79B9_7F4A_7C15))
     }
 
     /// The tile whose data a leaf should show: itself, or its finest ancestor that exists.

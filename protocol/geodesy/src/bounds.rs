@@ -1,11 +1,15 @@
 //! What space a tile can take up, given the range of its heights.
-//! In: an ellipsoid, a tile, lowest and highest elevation. Out: a hull of points and a ball around them.
+//! In: an ellipsoid, a tile, lowest and highest elevation. Out: a hull of points and a ball around the
+//! surface. Both are conservative: no point of the tile between the two heights lies outside.
 
 use glam::DVec3;
 
 use crate::ellipsoid::Ellipsoid;
 use crate::lattice::{CELLS, LatticePoint};
 use crate::tile::Tile;
+
+/// Room for the rounding of f64 and of fixed-point positions, in metres.
+const SLACK_M: f64 = 1e-5;
 
 /// A ball in ECEF metres.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -17,12 +21,13 @@ pub struct Ball {
 }
 
 /// Eight points whose convex hull holds the tile's surface between two heights: its corners at the
-/// lowest height, and at a height that clears the bulge between them.
+/// lowest height, and the corners of a roof that touches the highest surface above the tile's middle.
 #[derive(Clone, Copy, Debug)]
 pub struct TileHull {
     /// The four lower corners, then the four upper ones, in ECEF metres.
     pub corners: [DVec3; 8],
-    /// A ball around the hull.
+    /// A ball around the tile's surface between the two heights. It is tighter than a ball around
+    /// `corners`, whose roof stands clear of the surface.
     pub ball: Ball,
 }
 
@@ -30,26 +35,51 @@ impl TileHull {
     /// The hull of `tile` for elevations within `lowest_m`…`highest_m` above the ellipsoid.
     #[must_use]
     pub fn new(ellipsoid: &Ellipsoid, tile: Tile, lowest_m: f64, highest_m: f64) -> Self {
+        let (lowest_m, highest_m) = (lowest_m - SLACK_M, highest_m + SLACK_M);
         let node = |i, j| LatticePoint::of_tile(tile, i, j).normal();
-        let normals = [node(0, 0), node(CELLS, 0), node(0, CELLS), node(CELLS, CELLS)];
+        let normals = [
+            node(0, 0),
+            node(CELLS, 0),
+            node(0, CELLS),
+            node(CELLS, CELLS),
+        ];
         let middle = node(CELLS / 2, CELLS / 2);
-        let lower = normals.map(|n| ellipsoid.point(n, lowest_m));
-        // The face through the four upper corners must lie outside the surface: raise the corners by
-        // what the surface bulges above their plane, which is largest near the middle or an edge's middle.
-        let top = normals.map(|n| ellipsoid.point(n, highest_m));
-        let lowest_cosine = normals.iter().map(|n| n.dot(middle)).fold(1.0, f64::min);
-        let reach = ellipsoid.largest_radius_m() + highest_m;
-        let bulge = reach * (1.0 / lowest_cosine.max(0.2) - 1.0);
+        let middle_base = ellipsoid.point(middle, 0.0);
+        // The roof is the tangent plane at the middle of the highest surface. That surface is convex and
+        // `middle` is its normal there, so all of it lies below the plane.
+        let roof = middle.dot(middle_base) + highest_m;
+        // On a sphere the sides of a tile are planes through the centre, and the hull is exact. On an
+        // ellipsoid the normals along a side leave its plane by the height times the squared
+        // eccentricity times a sine; where the roof stands above the surface that is the hull's error.
+        let (a, b) = (ellipsoid.semi_major_m, ellipsoid.semi_minor_m);
+        let (large, small) = (a.max(b), a.min(b));
+        let eccentricity_squared = 1.0 - (small * small) / (large * large);
+        let deviation =
+            3.0 * eccentricity_squared * (1.0 + lowest_m.abs().max(highest_m.abs()) / small);
+
+        let centre = middle_base + middle * (0.5 * (lowest_m + highest_m));
         let mut corners = [DVec3::ZERO; 8];
-        for (index, n) in normals.iter().enumerate() {
-            corners[index] = lower[index];
-            corners[index + 4] = top[index] + *n * bulge * 1.01;
+        let mut farthest_squared = 0.0_f64;
+        for (index, n) in normals.into_iter().enumerate() {
+            let base = ellipsoid.point(n, 0.0);
+            let (lower, top) = (base + n * lowest_m, base + n * highest_m);
+            let upright = middle.dot(n);
+            let rise = ((roof - middle.dot(top)) / upright).max(0.0);
+            let outward = (n - middle * upright).normalize_or_zero();
+            let aside = outward * (deviation * rise + SLACK_M);
+            corners[index] = lower + aside;
+            corners[index + 4] = top + n * rise + aside;
+            farthest_squared = farthest_squared
+                .max(lower.distance_squared(centre))
+                .max(top.distance_squared(centre));
         }
-        // Edges bow sideways too (great-circle-like edges stay within planes through the axis crossing
-        // only on a sphere): widen the ball a little instead of trusting the eight points alone.
-        let centre = ellipsoid.point(middle, 0.5 * (lowest_m + highest_m));
-        let farthest = lower.iter().chain(&top).map(|p| p.distance(centre)).fold(0.0, f64::max);
+        // On an ellipsoid the farthest point need not be a corner, though it is next to one.
+        let growth = 1.0 + 0.001_f64.max(0.5 * eccentricity_squared);
         let half_height = 0.5 * (highest_m - lowest_m);
-        Self { corners, ball: Ball { centre, radius_m: farthest.max(half_height) * 1.001 } }
+        let radius_m = farthest_squared.sqrt().max(half_height) * growth + SLACK_M;
+        Self {
+            corners,
+            ball: Ball { centre, radius_m },
+        }
     }
 }

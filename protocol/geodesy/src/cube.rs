@@ -79,7 +79,10 @@ impl Face {
     pub fn uv_of(self, direction: DVec3) -> (f64, f64) {
         let [(iu, su), (iv, sv), (iw, sw)] = *self.axes();
         let outward = direction[iw] * sw as f64;
-        (direction[iu] * su as f64 / outward, direction[iv] * sv as f64 / outward)
+        (
+            direction[iu] * su as f64 / outward,
+            direction[iv] * sv as f64 / outward,
+        )
     }
 
     /// The integer cube point of (u, v) on a cube of half width `half`.
@@ -139,5 +142,9 @@ pub fn st_to_uv(s: f64) -> f64 {
 /// Cube space to cell space, the inverse of [`st_to_uv`].
 #[must_use]
 pub fn uv_to_st(u: f64) -> f64 {
-    if u >= 0.0 { 0.5 * (1.0 + 3.0 * u).sqrt() } else { 1.0 - 0.5 * (1.0 - 3.0 * u).sqrt() }
+    if u >= 0.0 {
+        0.5 * (1.0 + 3.0 * u).sqrt()
+    } else {
+        1.0 - 0.5 * (1.0 - 3.0 * u).sqrt()
+    }
 }

@@ -30,10 +30,14 @@ pub struct Geodetic {
 #[derive(Debug, Error, PartialEq)]
 pub enum EllipsoidError {
     /// The name is none of those built in.
-    #[error("unknown planet \"{0}\": write \"earth\", \"moon\", \"mars\" or a table with semi_major_m and semi_minor_m")]
+    #[error(
+        "unknown planet \"{0}\": write \"earth\", \"moon\", \"mars\" or a table with semi_major_m and semi_minor_m"
+    )]
     UnknownName(String),
     /// A semi-axis is not a positive, finite number, or the body is far from a sphere.
-    #[error("semi-axes {semi_major_m} m and {semi_minor_m} m: both must be positive and finite, and differ by less than half")]
+    #[error(
+        "semi-axes {semi_major_m} m and {semi_minor_m} m: both must be positive and finite, and differ by less than half"
+    )]
     BadAxes {
         /// The equatorial radius that was given.
         semi_major_m: f64,
@@ -44,11 +48,20 @@ pub enum EllipsoidError {
 
 impl Ellipsoid {
     /// WGS84 (NIMA TR8350.2): a = 6378137 m, f = 1/298.257223563.
-    pub const EARTH: Self = Self { semi_major_m: 6_378_137.0, semi_minor_m: 6_356_752.314_245_179 };
+    pub const EARTH: Self = Self {
+        semi_major_m: 6_378_137.0,
+        semi_minor_m: 6_356_752.314_245_179,
+    };
     /// The Moon's mean sphere (IAU 2015 working group).
-    pub const MOON: Self = Self { semi_major_m: 1_737_400.0, semi_minor_m: 1_737_400.0 };
+    pub const MOON: Self = Self {
+        semi_major_m: 1_737_400.0,
+        semi_minor_m: 1_737_400.0,
+    };
     /// Mars (IAU 2015 working group).
-    pub const MARS: Self = Self { semi_major_m: 3_396_190.0, semi_minor_m: 3_376_200.0 };
+    pub const MARS: Self = Self {
+        semi_major_m: 3_396_190.0,
+        semi_minor_m: 3_376_200.0,
+    };
 
     /// A built-in ellipsoid by its lower-case name.
     pub fn by_name(name: &str) -> Result<Self, EllipsoidError> {
@@ -65,9 +78,15 @@ impl Ellipsoid {
         let fine = |x: f64| x.is_finite() && x > 0.0;
         let ratio = semi_minor_m / semi_major_m;
         if fine(semi_major_m) && fine(semi_minor_m) && ratio > 0.5 && ratio < 2.0 {
-            Ok(Self { semi_major_m, semi_minor_m })
+            Ok(Self {
+                semi_major_m,
+                semi_minor_m,
+            })
         } else {
-            Err(EllipsoidError::BadAxes { semi_major_m, semi_minor_m })
+            Err(EllipsoidError::BadAxes {
+                semi_major_m,
+                semi_minor_m,
+            })
         }
     }
 
@@ -100,18 +119,26 @@ impl Ellipsoid {
     /// Geodetic to Cartesian metres.
     #[must_use]
     pub fn to_ecef(&self, position: Geodetic) -> DVec3 {
-        self.point(Self::normal(position.latitude_deg, position.longitude_deg), position.height_m)
+        self.point(
+            Self::normal(position.latitude_deg, position.longitude_deg),
+            position.height_m,
+        )
     }
 
     /// Cartesian metres to geodetic. Newton's method on the scale of the foot point (D. Eberly,
-    /// "Distance from a Point to an Ellipse", §2), which converges everywhere outside the evolute;
-    /// the centre of the planet answers with the north pole.
+    /// "Distance from a Point to an Ellipse", §2), which converges everywhere outside the evolute.
+    /// Deeper, where normals cross, one of the normals through the point answers; the centre of the
+    /// planet answers with the north pole.
     #[must_use]
     pub fn to_geodetic(&self, point: DVec3) -> Geodetic {
         let normal = self.normal_below(point);
         let height_m = (point - self.point(normal, 0.0)).dot(normal);
         let (latitude_deg, longitude_deg) = Self::angles_deg(normal);
-        Geodetic { latitude_deg, longitude_deg, height_m }
+        Geodetic {
+            latitude_deg,
+            longitude_deg,
+            height_m,
+        }
     }
 
     /// The unit normal of the surface point nearest to `point`.
@@ -119,13 +146,16 @@ impl Ellipsoid {
     pub fn normal_below(&self, point: DVec3) -> DVec3 {
         let (a, b) = (self.semi_major_m, self.semi_minor_m);
         let (rho, z) = (point.x.hypot(point.y), point.z);
-        if rho == 0.0 && z == 0.0 {
+        let smallest = a.min(b);
+        if rho.hypot(z) <= 1e-9 * smallest {
             return DVec3::Z;
         }
-        // Foot point (x, y) = (a²rho/(t+a²), b²z/(t+b²)); F(t) = (x/a)² + (y/b)² − 1 falls monotonically
-        // for t > −min(a,b)²; start at the inner bound that makes every step rise towards the root.
-        let smallest = a.min(b);
-        let mut t = smallest * ((rho * rho + z * z).sqrt() - a.max(b)).max(-0.9 * smallest);
+        // Foot point (x, y) = (a²rho/(t+a²), b²z/(t+b²)); F(t) = (x/a)² + (y/b)² − 1 is convex and falls
+        // for t > −min(a,b)². Each of its two squares alone reaches 1 at one of the two bounds below, so F
+        // is not negative at the larger one, and from there every Newton step rises towards the root.
+        let mut t = (a * (rho - a))
+            .max(b * (z.abs() - b))
+            .max(-smallest * smallest * 0.999_999);
         for _ in 0..64 {
             let (p, q) = (t + a * a, t + b * b);
             let (x, y) = (a * rho / p, b * z / q);

@@ -16,7 +16,17 @@ impl FixedPoint {
     /// The nearest fixed point to ECEF metres. Saturates beyond 8.7·10^12 m.
     #[must_use]
     pub fn from_ecef(position: DVec3) -> Self {
-        Self((position * STEPS_PER_M).to_array().map(|c| c.round_ties_even() as i64))
+        // Adding 1.5·2^52 leaves no bits for a fraction, so the addition itself rounds, ties to even. A
+        // library call would cost more than the rest of a vertex.
+        const INTEGERS_ONLY: f64 = 6_755_399_441_055_744.0;
+        let round = |c: f64| {
+            if c.abs() < 1_125_899_906_842_624.0 {
+                ((c + INTEGERS_ONLY) - INTEGERS_ONLY) as i64
+            } else {
+                c.round_ties_even() as i64
+            }
+        };
+        Self((position * STEPS_PER_M).to_array().map(round))
     }
 
     /// Back to ECEF metres.
@@ -30,7 +40,14 @@ impl FixedPoint {
     #[must_use]
     pub fn words(self) -> [u32; 6] {
         let [x, y, z] = self.0.map(|c| c as u64);
-        [x as u32, (x >> 32) as u32, y as u32, (y >> 32) as u32, z as u32, (z >> 32) as u32]
+        [
+            x as u32,
+            (x >> 32) as u32,
+            y as u32,
+            (y >> 32) as u32,
+            z as u32,
+            (z >> 32) as u32,
+        ]
     }
 
     /// The vector from `viewer` to this point in metres, computed as the vertex shader does: an exact

@@ -47,7 +47,10 @@ impl LatticePoint {
         let half = CELLS << tile.level();
         let u = 2 * (i64::from(tile.x()) * CELLS + i) - half;
         let v = 2 * (i64::from(tile.y()) * CELLS + j) - half;
-        Self { level: tile.level(), cube: tile.face().fold(u, v, half) }
+        Self {
+            level: tile.level(),
+            cube: tile.face().fold(u, v, half),
+        }
     }
 
     /// The level of the lattice.
@@ -99,13 +102,19 @@ impl LatticePoint {
     pub fn at_level(self, level: u8) -> Option<Self> {
         if level >= self.level {
             let shift = level - self.level;
-            return Some(Self { level, cube: self.cube.map(|c| c << shift) });
+            return Some(Self {
+                level,
+                cube: self.cube.map(|c| c << shift),
+            });
         }
         // Cube components step by two from node to node, and all share the parity of `half`.
         let shift = self.level - level;
         let half = self.half();
         let fits = |c: &i64| (c + half) % (2_i64 << shift) == 0;
-        self.cube.iter().all(fits).then(|| Self { level, cube: self.cube.map(|c| c >> shift) })
+        self.cube.iter().all(fits).then(|| Self {
+            level,
+            cube: self.cube.map(|c| c >> shift),
+        })
     }
 
     /// The one tile that owns this node: the lowest face that holds it, and there the tile whose left
@@ -122,20 +131,38 @@ impl LatticePoint {
         let (gi, gj) = ((u + self.half()) / 2, (v + self.half()) / 2);
         let (x, y) = ((gi / CELLS).min(last), (gj / CELLS).min(last));
         let tile = Tile::new(face.number(), self.level, x as u32, y as u32);
-        (tile.unwrap_or(Tile::root(face)), gi - x * CELLS, gj - y * CELLS)
+        (
+            tile.unwrap_or(Tile::root(face)),
+            gi - x * CELLS,
+            gj - y * CELLS,
+        )
     }
 
     /// Where this node lies in `tile`'s own lattice (0…256 both ways), for a tile of the same level;
     /// `None` where the tile does not touch the node.
     #[must_use]
     pub fn within(self, tile: Tile) -> Option<(i64, i64)> {
-        if tile.level() != self.level || !self.lies_on(tile.face()) {
+        if tile.level() == self.level {
+            self.position_in(tile)
+        } else {
+            None
+        }
+    }
+
+    /// Where this node lies in a tile of its own or of a coarser level: `(u, v)` in steps of
+    /// 2^-(self.level − tile.level) of that tile's lattice unit, each 0…256 · 2^(self.level − tile.level).
+    /// `None` where the tile is finer or does not touch the node.
+    #[must_use]
+    pub fn position_in(self, tile: Tile) -> Option<(i64, i64)> {
+        let shift = self.level.checked_sub(tile.level())?;
+        if !self.lies_on(tile.face()) {
             return None;
         }
         let (u, v) = tile.face().integer_uv(self.cube);
-        let i = (u + self.half()) / 2 - i64::from(tile.x()) * CELLS;
-        let j = (v + self.half()) / 2 - i64::from(tile.y()) * CELLS;
-        ((0..=CELLS).contains(&i) && (0..=CELLS).contains(&j)).then_some((i, j))
+        let side = CELLS << shift;
+        let i = (u + self.half()) / 2 - i64::from(tile.x()) * side;
+        let j = (v + self.half()) / 2 - i64::from(tile.y()) * side;
+        ((0..=side).contains(&i) && (0..=side).contains(&j)).then_some((i, j))
     }
 
     fn lies_on(self, face: Face) -> bool {
@@ -155,7 +182,12 @@ impl LatticePoint {
             for column in columns {
                 let rows = if j == 0 && y > 0 { y - 1..=y } else { y..=y };
                 for row in rows {
-                    found.extend(Tile::new(face.number(), self.level, column as u32, row as u32));
+                    found.extend(Tile::new(
+                        face.number(),
+                        self.level,
+                        column as u32,
+                        row as u32,
+                    ));
                 }
             }
         }
@@ -178,7 +210,11 @@ impl TilePosition {
         };
         let ((x, i), (y, j)) = (split(u), split(v));
         let tile = Tile::new(face.number(), level.min(MAX_LEVEL), x, y);
-        Self { tile: tile.unwrap_or(Tile::root(face)), i, j }
+        Self {
+            tile: tile.unwrap_or(Tile::root(face)),
+            i,
+            j,
+        }
     }
 
     /// The unit normal at this position.
@@ -187,6 +223,9 @@ impl TilePosition {
         let tiles = f64::from(1_u32 << self.tile.level());
         let s = (f64::from(self.tile.x()) + self.i / CELLS as f64) / tiles;
         let t = (f64::from(self.tile.y()) + self.j / CELLS as f64) / tiles;
-        self.tile.face().cube_point(st_to_uv(s), st_to_uv(t)).normalize()
+        self.tile
+            .face()
+            .cube_point(st_to_uv(s), st_to_uv(t))
+            .normalize()
     }
 }

@@ -60,7 +60,7 @@ pub enum Direction {
 }
 
 impl Direction {
-    /// The four edges, in the bit order of [`terrain` border variants]: left, right, down, up.
+    /// The four edges, in the bit order of the border variants of a mesh: left, right, down, up.
     pub const EDGES: [Self; 4] = [Self::Left, Self::Right, Self::Down, Self::Up];
     /// All eight: the edges, then the corners.
     pub const ALL: [Self; 8] = [
@@ -104,17 +104,29 @@ impl Tile {
     /// The tile of a whole face.
     #[must_use]
     pub const fn root(face: Face) -> Self {
-        Self { level: 0, face, y: 0, x: 0 }
+        Self {
+            level: 0,
+            face,
+            y: 0,
+            x: 0,
+        }
     }
 
     /// A tile from its address.
     pub fn new(face: u8, level: u8, x: u32, y: u32) -> Result<Self, TileError> {
         let error = TileError::OutOfRange { face, level, x, y };
-        let Some(cube_face) = Face::new(face) else { return Err(error) };
+        let Some(cube_face) = Face::new(face) else {
+            return Err(error);
+        };
         if level > MAX_LEVEL || x >> level != 0 || y >> level != 0 {
             return Err(error);
         }
-        Ok(Self { level, face: cube_face, y, x })
+        Ok(Self {
+            level,
+            face: cube_face,
+            y,
+            x,
+        })
     }
 
     /// The cube face.
@@ -145,14 +157,24 @@ impl Tile {
     #[must_use]
     pub fn parent(self) -> Option<Self> {
         let level = self.level.checked_sub(1)?;
-        Some(Self { level, face: self.face, y: self.y >> 1, x: self.x >> 1 })
+        Some(Self {
+            level,
+            face: self.face,
+            y: self.y >> 1,
+            x: self.x >> 1,
+        })
     }
 
     /// The ancestor at `level`; the tile itself where `level` is its own or deeper.
     #[must_use]
     pub fn ancestor(self, level: u8) -> Self {
         let shift = self.level.saturating_sub(level);
-        Self { level: self.level - shift, face: self.face, y: self.y >> shift, x: self.x >> shift }
+        Self {
+            level: self.level - shift,
+            face: self.face,
+            y: self.y >> shift,
+            x: self.x >> shift,
+        }
     }
 
     /// This tile and then each ancestor, up to the root.
@@ -214,7 +236,12 @@ impl Tile {
             let (u, v) = face.integer_uv(point);
             (face, u, v)
         };
-        Self { level, face, y: ((v + half - 1) / 2) as u32, x: ((u + half - 1) / 2) as u32 }
+        Self {
+            level,
+            face,
+            y: ((v + half - 1) / 2) as u32,
+            x: ((u + half - 1) / 2) as u32,
+        }
     }
 
     /// A number that is unique over all tiles: a leading 1, three bits of face, then x and y
@@ -249,7 +276,14 @@ impl Tile {
 
 impl std::fmt::Display for Tile {
     fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(formatter, "{}/{}/{}/{}", self.face.number(), self.level, self.x, self.y)
+        write!(
+            formatter,
+            "{}/{}/{}/{}",
+            self.face.number(),
+            self.level,
+            self.x,
+            self.y
+        )
     }
 }
 
@@ -263,7 +297,9 @@ impl std::str::FromStr for Tile {
             .map(str::parse::<u32>)
             .collect::<Result<Vec<_>, _>>()
             .map_err(|_| unreadable())?;
-        let [face, level, x, y] = numbers[..] else { return Err(unreadable()) };
+        let [face, level, x, y] = numbers[..] else {
+            return Err(unreadable());
+        };
         let small = |n: u32| u8::try_from(n).map_err(|_| unreadable());
         Self::new(small(face)?, small(level)?, x, y)
     }
