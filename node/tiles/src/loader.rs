@@ -1,0 +1,381 @@
+//! The way of a tile: from the repository over the disk to RAM, in threads, by priority.
+//!
+//! In: data sets, and wishes for tiles that are replaced at any time. Out: tiles that are in RAM now, never a
+//! wait. Each tile is loaded once however often it is wished for. What fails is tried again, soon at first,
+//! then rarely. All reading and decompression happens in the threads of this file. It decides nothing about
+//! which tiles are worth having.
+
+mod queue;
+mod work;
+
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use geodesy::Tile;
+use parking_lot::{Condvar, Mutex, RwLock};
+use serde::Serialize;
+use thiserror::Error;
+
+use crate::dataset::{Dataset, DatasetId};
+use crate::disk::DiskCache;
+use crate::format::TileData;
+use crate::index::Index;
+use crate::publish::PublishError;
+use crate::ram::RamCache;
+use crate::repository::{Repository, RepositoryError, Source};
+use queue::Queue;
+
+/// How much a cache may use.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct CacheConfig {
+    /// Bytes of decoded tiles in RAM, beside the roots, which always stay.
+    pub ram_bytes: u64,
+    /// Bytes of plain tiles on disk; 0 for no disk cache.
+    pub disk_bytes: u64,
+    /// Where they lie; processes may share it. `None` for no disk cache.
+    pub disk_directory: Option<PathBuf>,
+    /// Threads that read and decode, at least 1.
+    pub threads: usize,
+}
+
+/// Why a cache could not be set up.
+#[derive(Debug, Error)]
+pub enum CacheError {
+    /// The disk cache's directory cannot be made.
+    #[error("disk cache: {0}")]
+    Disk(#[from] PublishError),
+    /// The system gives no threads.
+    #[error("cannot start a loader thread: {0}")]
+    Threads(std::io::Error),
+}
+
+/// A data set that tiles can be loaded from.
+pub struct OpenDataset {
+    /// Its description.
+    pub dataset: Dataset,
+    /// Which tiles it has.
+    pub index: Index,
+    source: Box<dyn Source>,
+}
+
+/// Where a tile is.
+#[derive(Clone, Debug)]
+pub enum Lookup {
+    /// Here.
+    Ready(Arc<TileData>),
+    /// Nowhere: the data set has no such tile, or is itself unknown.
+    Absent,
+    /// Not in RAM: wish for it.
+    Pending,
+    /// It could not be loaded several times over; tried again now and then while it is wished for.
+    Failed(Arc<str>),
+}
+
+/// Figures since the cache was opened.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct Counters {
+    /// Different tiles that came into RAM.
+    pub distinct: u64,
+    /// Tiles read from a repository.
+    pub repository_reads: u64,
+    /// Tiles read from the disk cache.
+    pub disk_hits: u64,
+    /// Tiles handed out from RAM without having been loaded for that.
+    pub ram_hits: u64,
+    /// Files, in the repository or on disk, that were broken.
+    pub corrupt: u64,
+    /// Tiles that are given up for the time being.
+    pub failed: u64,
+    /// Compressed bytes read from repositories.
+    pub repository_bytes: u64,
+    /// Bytes of tiles in RAM now.
+    pub ram_bytes: u64,
+    /// Bytes of tiles in the disk cache now, as far as this process knows.
+    pub disk_bytes: u64,
+}
+
+/// The cache. Dropping it stops its threads.
+pub struct TileCache {
+    shared: Arc<Shared>,
+    default_wishes: Wishes,
+    workers: Vec<JoinHandle<()>>,
+}
+
+/// One caller's wish list; others' lists stay untouched. Dropping it withdraws the wishes.
+pub struct Wishes {
+    shared: Arc<Shared>,
+    caller: u64,
+}
+
+/// A wish: the larger the priority, the sooner; NaN comes last.
+pub type Wish = (DatasetId, Tile, f32);
+
+struct Shared {
+    datasets: RwLock<HashMap<DatasetId, Arc<OpenDataset>>>,
+    disk: Option<DiskCache>,
+    state: Mutex<State>,
+    /// Workers wait here for work, and for the time to try again.
+    work: Condvar,
+    /// Callers wait here for arrivals and for rest.
+    news: Condvar,
+    generation: AtomicU64,
+    callers: AtomicU64,
+    tally: Tally,
+}
+
+struct State {
+    ram: RamCache,
+    queue: Queue,
+    stopping: bool,
+}
+
+#[derive(Default)]
+struct Tally {
+    distinct: AtomicU64,
+    repository_reads: AtomicU64,
+    repository_bytes: AtomicU64,
+    disk_hits: AtomicU64,
+    ram_hits: AtomicU64,
+    corrupt: AtomicU64,
+}
+
+impl OpenDataset {
+    /// A data set of which tiles come from `source`.
+    #[must_use]
+    pub fn new(dataset: Dataset, index: Index, source: Box<dyn Source>) -> Self {
+        Self {
+            dataset,
+            index,
+            source,
+        }
+    }
+
+    /// Opens the repository in a directory and reads its index.
+    pub fn of_repository(path: &Path) -> Result<Self, RepositoryError> {
+        let repository = Repository::open(path)?;
+        let index = repository.load_index()?;
+        Ok(Self::new(
+            repository.dataset().clone(),
+            index,
+            Box::new(repository),
+        ))
+    }
+}
+
+impl TileCache {
+    /// Sets up the caches and starts the threads.
+    pub fn open(config: &CacheConfig) -> Result<Self, CacheError> {
+        let disk = match &config.disk_directory {
+            Some(root) if config.disk_bytes > 0 => Some(DiskCache::open(root, config.disk_bytes)?),
+            _ => None,
+        };
+        let ram = RamCache::new(config.ram_bytes);
+        let shared = Arc::new(Shared {
+            datasets: RwLock::default(),
+            disk,
+            state: Mutex::new(State {
+                ram,
+                queue: Queue::default(),
+                stopping: false,
+            }),
+            work: Condvar::new(),
+            news: Condvar::new(),
+            generation: AtomicU64::new(0),
+            callers: AtomicU64::new(0),
+            tally: Tally::default(),
+        });
+        let default_wishes = Wishes::new(&shared);
+        let mut cache = Self {
+            shared,
+            default_wishes,
+            workers: Vec::new(),
+        };
+        for number in 0..config.threads.max(1) {
+            let shared = Arc::clone(&cache.shared);
+            let worker = std::thread::Builder::new()
+                .name(format!("tiles-{number}"))
+                .spawn(move || shared.work())
+                .map_err(CacheError::Threads)?;
+            cache.workers.push(worker);
+        }
+        Ok(cache)
+    }
+
+    /// Opens a repository and reads its index, while the caller waits. A repository that is known already is
+    /// read again; where an import has changed it since, its tiles leave RAM.
+    pub fn add_dataset(&self, repository: &Path) -> Result<DatasetId, RepositoryError> {
+        Ok(self.add_source(OpenDataset::of_repository(repository)?))
+    }
+
+    /// Adds a data set that is no repository directory.
+    pub fn add_source(&self, added: OpenDataset) -> DatasetId {
+        let (id, revision) = (added.dataset.id, added.dataset.revision);
+        let tile_bytes = TileData::full_size(added.dataset.sample_type, added.dataset.channels);
+        let known = self.shared.datasets.write().insert(id, Arc::new(added));
+        let mut state = self.shared.state.lock();
+        state.ram.expect(tile_bytes as u64);
+        if known.is_some_and(|known| known.dataset.revision != revision) {
+            state.ram.purge(id);
+            state.queue.forget(id);
+        }
+        id
+    }
+
+    /// The description and index of a data set.
+    #[must_use]
+    pub fn dataset(&self, id: DatasetId) -> Option<Arc<OpenDataset>> {
+        self.shared.datasets.read().get(&id).map(Arc::clone)
+    }
+
+    /// Where a tile is; counts as use. Never waits for anything but other threads' bookkeeping.
+    #[must_use]
+    pub fn get(&self, id: DatasetId, tile: Tile) -> Lookup {
+        let mut state = self.shared.state.lock();
+        if let Some(found) = state.ram.get(&(id, tile)) {
+            drop(state);
+            if found.again {
+                self.shared.tally.ram_hits.fetch_add(1, Ordering::Relaxed);
+            } else {
+                // A tile that was taken makes room for the next one.
+                self.shared.work.notify_all();
+            }
+            return Lookup::Ready(found.data);
+        }
+        if let Some(reason) = state.queue.failure(&(id, tile)) {
+            return Lookup::Failed(reason);
+        }
+        drop(state);
+        let datasets = self.shared.datasets.read();
+        match datasets.get(&id) {
+            Some(dataset) if dataset.index.contains(tile) => Lookup::Pending,
+            _ => Lookup::Absent,
+        }
+    }
+
+    /// Replaces the wishes made through this function. What is no longer wished for, here or through
+    /// [`TileCache::wishes`], and has not been started, is not loaded.
+    pub fn request(&self, wants: &[Wish]) {
+        self.default_wishes.request(wants);
+    }
+
+    /// A wish list of its own for another caller, as each GPU of a host is.
+    #[must_use]
+    pub fn wishes(&self) -> Wishes {
+        Wishes::new(&self.shared)
+    }
+
+    /// Figures since the cache was opened.
+    #[must_use]
+    pub fn counters(&self) -> Counters {
+        let (ram_bytes, failed) = {
+            let state = self.shared.state.lock();
+            (state.ram.bytes(), state.queue.failures() as u64)
+        };
+        let tally = &self.shared.tally;
+        let read = |counter: &AtomicU64| counter.load(Ordering::Relaxed);
+        Counters {
+            distinct: read(&tally.distinct),
+            repository_reads: read(&tally.repository_reads),
+            disk_hits: read(&tally.disk_hits),
+            ram_hits: read(&tally.ram_hits),
+            corrupt: read(&tally.corrupt),
+            failed,
+            repository_bytes: read(&tally.repository_bytes),
+            ram_bytes,
+            disk_bytes: self.shared.disk.as_ref().map_or(0, DiskCache::bytes),
+        }
+    }
+
+    /// Counts up whenever a tile has arrived or failed.
+    #[must_use]
+    pub fn generation(&self) -> u64 {
+        self.shared.generation.load(Ordering::Acquire)
+    }
+
+    /// Waits until the generation is past `seen`, at most for `timeout`; returns the generation.
+    #[must_use]
+    pub fn wait_news(&self, seen: u64, timeout: Duration) -> u64 {
+        let deadline = Instant::now() + timeout;
+        let mut state = self.shared.state.lock();
+        while self.generation() <= seen {
+            if self
+                .shared
+                .news
+                .wait_until(&mut state, deadline)
+                .timed_out()
+            {
+                break;
+            }
+        }
+        self.generation()
+    }
+
+    /// Waits until everything wished for has arrived or failed; false where `timeout` passed first.
+    #[must_use]
+    pub fn wait_idle(&self, timeout: Duration) -> bool {
+        let deadline = Instant::now() + timeout;
+        let mut state = self.shared.state.lock();
+        while !state.queue.is_idle() {
+            if self
+                .shared
+                .news
+                .wait_until(&mut state, deadline)
+                .timed_out()
+            {
+                return state.queue.is_idle();
+            }
+        }
+        true
+    }
+}
+
+impl Drop for TileCache {
+    fn drop(&mut self) {
+        self.shared.state.lock().stopping = true;
+        self.shared.work.notify_all();
+        for worker in self.workers.drain(..) {
+            // A worker that panicked has nothing left to tell.
+            let _ = worker.join();
+        }
+    }
+}
+
+impl Wishes {
+    fn new(shared: &Arc<Shared>) -> Self {
+        let caller = shared.callers.fetch_add(1, Ordering::Relaxed);
+        Self {
+            shared: Arc::clone(shared),
+            caller,
+        }
+    }
+
+    /// Replaces this list. Tiles that do not exist are passed over.
+    pub fn request(&self, wants: &[Wish]) {
+        let datasets = self.shared.datasets.read();
+        let exists = |wish: &&Wish| {
+            datasets
+                .get(&wish.0)
+                .is_some_and(|d| d.index.contains(wish.1))
+        };
+        let wants = wants
+            .iter()
+            .filter(exists)
+            .map(|(id, tile, priority)| ((*id, *tile), *priority));
+        let mut state = self.shared.state.lock();
+        let State { ram, queue, .. } = &mut *state;
+        queue.replace(self.caller, wants, |key| ram.contains(key));
+        ram.demote(|key| queue.is_wished(key));
+        self.shared.work.notify_all();
+        self.shared.news.notify_all();
+    }
+}
+
+impl Drop for Wishes {
+    fn drop(&mut self) {
+        self.request(&[]);
+    }
+}
