@@ -49,7 +49,12 @@ impl PixelRect {
         let y = self.y.max(other.y);
         let right = (self.x + self.width).min(other.x + other.width);
         let bottom = (self.y + self.height).min(other.y + other.height);
-        (right > x && bottom > y).then(|| Self { x, y, width: right - x, height: bottom - y })
+        (right > x && bottom > y).then(|| Self {
+            x,
+            y,
+            width: right - x,
+            height: bottom - y,
+        })
     }
 }
 
@@ -105,9 +110,8 @@ impl PlanarScreen {
         let normal = self.right.cross(self.up);
         let distance = -self.lower_left_m.dot(normal);
         let edge_x = |pixel: u32| self.lower_left_m.dot(self.right) + f64::from(pixel) * metres_x;
-        let edge_y = |pixel: u32| {
-            self.lower_left_m.dot(self.up) + (pixels_y - f64::from(pixel)) * metres_y
-        };
+        let edge_y =
+            |pixel: u32| self.lower_left_m.dot(self.up) + (pixels_y - f64::from(pixel)) * metres_y;
         let (left, right_edge) = (edge_x(area.x), edge_x(area.x + area.width));
         let (bottom, top) = (edge_y(area.y + area.height), edge_y(area.y));
         // Off-axis projection (R. Kooima, "Generalized Perspective Projection", 2008) with reversed,
@@ -128,7 +132,11 @@ impl PlanarScreen {
         let ray = [direction(area.x, area.y), right * metres_x, -up * metres_y];
         Block {
             area,
-            wanted: PixelRect { x: part.x - area.x, y: part.y - area.y, ..part },
+            wanted: PixelRect {
+                x: part.x - area.x,
+                y: part.y - area.y,
+                ..part
+            },
             clip_from_relative: matrix_f32(projection * screen_from_ecef),
             corner_directions: [
                 direction(x0, y1),
@@ -201,7 +209,12 @@ mod tests {
     #[test]
     fn a_point_of_the_screen_lands_on_its_pixel_in_every_block() {
         let screen = screen();
-        let whole = PixelRect { x: 0, y: 0, width: 5120, height: 2880 };
+        let whole = PixelRect {
+            x: 0,
+            y: 0,
+            width: 5120,
+            height: 2880,
+        };
         let blocks = screen.blocks(whole, room());
         assert_eq!(blocks.len(), 6);
         for block in &blocks {
@@ -210,7 +223,10 @@ mod tests {
                     + screen.right * (px / 5120.0 * 4.0)
                     + screen.up * ((1.0 - py / 2880.0) * 2.25);
                 let [x, y] = project(block, room() * on_screen * 1000.0);
-                assert!((x - px).abs() < 1e-2 && (y - py).abs() < 1e-2, "{x} {y} {px} {py}");
+                assert!(
+                    (x - px).abs() < 1e-2 && (y - py).abs() < 1e-2,
+                    "{x} {y} {px} {py}"
+                );
             }
         }
     }
@@ -218,26 +234,72 @@ mod tests {
     #[test]
     fn blocks_depend_on_the_canvas_and_not_on_what_is_wanted_of_it() {
         let screen = screen();
-        let whole = screen.blocks(PixelRect { x: 0, y: 0, width: 5120, height: 2880 }, room());
-        let part = screen.blocks(PixelRect { x: 2100, y: 700, width: 640, height: 360 }, room());
+        let whole = screen.blocks(
+            PixelRect {
+                x: 0,
+                y: 0,
+                width: 5120,
+                height: 2880,
+            },
+            room(),
+        );
+        let part = screen.blocks(
+            PixelRect {
+                x: 2100,
+                y: 700,
+                width: 640,
+                height: 360,
+            },
+            room(),
+        );
         assert_eq!(part.len(), 1);
-        let twin = whole.iter().find(|block| block.area == part[0].area).unwrap();
+        let twin = whole
+            .iter()
+            .find(|block| block.area == part[0].area)
+            .unwrap();
         assert_eq!(part[0].clip_from_relative, twin.clip_from_relative);
         assert_eq!(part[0].ray, twin.ray);
-        assert_eq!(part[0].wanted, PixelRect { x: 52, y: 700, width: 640, height: 360 });
+        assert_eq!(
+            part[0].wanted,
+            PixelRect {
+                x: 52,
+                y: 700,
+                width: 640,
+                height: 360
+            }
+        );
     }
 
     #[test]
     fn rays_and_transform_agree() {
-        let block = &screen().blocks(PixelRect { x: 0, y: 0, width: 16, height: 16 }, room())[0];
+        let block = &screen().blocks(
+            PixelRect {
+                x: 0,
+                y: 0,
+                width: 16,
+                height: 16,
+            },
+            room(),
+        )[0];
         let [corner, right, down] = block.ray.map(Vec3::as_dvec3);
         let [x, y] = project(block, (corner + right * 300.0 + down * 200.0) * 500.0);
-        assert!((x - 300.0).abs() < 1e-2 && (y - 200.0).abs() < 1e-2, "{x} {y}");
+        assert!(
+            (x - 300.0).abs() < 1e-2 && (y - 200.0).abs() < 1e-2,
+            "{x} {y}"
+        );
     }
 
     #[test]
     fn depth_is_reversed_and_infinite() {
-        let block = &screen().blocks(PixelRect { x: 0, y: 0, width: 16, height: 16 }, room())[0];
+        let block = &screen().blocks(
+            PixelRect {
+                x: 0,
+                y: 0,
+                width: 16,
+                height: 16,
+            },
+            room(),
+        )[0];
         let middle = block.corner_directions[0].normalize();
         let depth = |metres: f64| {
             let clip = block.clip_from_relative.as_dmat4() * (middle * metres).extend(1.0);

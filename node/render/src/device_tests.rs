@@ -1,6 +1,10 @@
 //! Tests that need a device: every compute stage against its CPU twin, the vertex stage against f64, and
 //! tiled against single pictures. Without an adapter they say so and pass, unless `REQUIRE_GPU=1`.
-#![allow(clippy::unwrap_used, clippy::print_stderr, reason = "a test that panics has failed")]
+#![allow(
+    clippy::unwrap_used,
+    clippy::print_stderr,
+    reason = "a test that panics has failed"
+)]
 
 use std::sync::mpsc;
 
@@ -27,24 +31,38 @@ pub(crate) fn device() -> Option<Gpu> {
 }
 
 /// Runs a compute pipeline over storage buffers and returns the words of the last one.
-fn run_words(gpu: &Gpu, source: &str, buffers: &[&[u8]], output_bytes: u64, groups: [u32; 3]) -> Vec<u32> {
-    let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
-        label: Some("probe"),
-        source: wgpu::ShaderSource::Wgsl(source.into()),
-    });
-    let pipeline = gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-        label: Some("probe"),
-        layout: None,
-        module: &module,
-        entry_point: Some("main"),
-        compilation_options: wgpu::PipelineCompilationOptions::default(),
-        cache: None,
-    });
+fn run_words(
+    gpu: &Gpu,
+    source: &str,
+    buffers: &[&[u8]],
+    output_bytes: u64,
+    groups: [u32; 3],
+) -> Vec<u32> {
+    let module = gpu
+        .device
+        .create_shader_module(wgpu::ShaderModuleDescriptor {
+            label: Some("probe"),
+            source: wgpu::ShaderSource::Wgsl(source.into()),
+        });
+    let pipeline = gpu
+        .device
+        .create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+            label: Some("probe"),
+            layout: None,
+            module: &module,
+            entry_point: Some("main"),
+            compilation_options: wgpu::PipelineCompilationOptions::default(),
+            cache: None,
+        });
     let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC;
     let mut storage: Vec<wgpu::Buffer> = buffers
         .iter()
         .map(|contents| {
-            let descriptor = wgpu::util::BufferInitDescriptor { label: None, contents, usage };
+            let descriptor = wgpu::util::BufferInitDescriptor {
+                label: None,
+                contents,
+                usage,
+            };
             gpu.device.create_buffer_init(&descriptor)
         })
         .collect();
@@ -56,7 +74,10 @@ fn run_words(gpu: &Gpu, source: &str, buffers: &[&[u8]], output_bytes: u64, grou
     }));
     let mut entries = Vec::new();
     for (binding, buffer) in (0..).zip(&storage) {
-        entries.push(wgpu::BindGroupEntry { binding, resource: buffer.as_entire_binding() });
+        entries.push(wgpu::BindGroupEntry {
+            binding,
+            resource: buffer.as_entire_binding(),
+        });
     }
     let bindings = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
         label: None,
@@ -69,7 +90,9 @@ fn run_words(gpu: &Gpu, source: &str, buffers: &[&[u8]], output_bytes: u64, grou
         usage: wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ,
         mapped_at_creation: false,
     });
-    let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+    let mut encoder = gpu
+        .device
+        .create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
     {
         let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
         pass.set_pipeline(&pipeline);
@@ -79,7 +102,10 @@ fn run_words(gpu: &Gpu, source: &str, buffers: &[&[u8]], output_bytes: u64, grou
     encoder.copy_buffer_to_buffer(storage.last().unwrap(), 0, &read, 0, output_bytes);
     gpu.queue.submit([encoder.finish()]);
     let (sender, receiver) = mpsc::channel();
-    read.slice(..).map_async(wgpu::MapMode::Read, move |result| sender.send(result).unwrap());
+    read.slice(..)
+        .map_async(wgpu::MapMode::Read, move |result| {
+            sender.send(result).unwrap()
+        });
     gpu.wait().unwrap();
     receiver.recv().unwrap().unwrap();
     bytemuck::pod_collect_to_vec(&read.slice(..).get_mapped_range().unwrap())
@@ -89,11 +115,18 @@ fn run_words(gpu: &Gpu, source: &str, buffers: &[&[u8]], output_bytes: u64, grou
 fn relief_to_buffer() -> String {
     let source = Stage::Relief.source().unwrap();
     let stored = "textureStore(relief_layers, vec2<u32>(id.x, id.y), tile.layer, vec4<f32>(x.x, y.x, x.y, y.y));";
-    let declared = "@group(0) @binding(2) var relief_layers: texture_storage_2d_array<rgba8snorm, write>;";
+    let declared =
+        "@group(0) @binding(2) var relief_layers: texture_storage_2d_array<rgba8snorm, write>;";
     assert!(source.contains(stored) && source.contains(declared));
     source
-        .replace(stored, "texels[id.y * OUT_NODES + id.x] = pack4x8snorm(vec4<f32>(x.x, y.x, x.y, y.y));")
-        .replace(declared, "@group(0) @binding(2) var<storage, read_write> texels: array<u32>;")
+        .replace(
+            stored,
+            "texels[id.y * OUT_NODES + id.x] = pack4x8snorm(vec4<f32>(x.x, y.x, x.y, y.y));",
+        )
+        .replace(
+            declared,
+            "@group(0) @binding(2) var<storage, read_write> texels: array<u32>;",
+        )
 }
 
 /// Heights with ridges, cliffs and holes.
@@ -117,7 +150,12 @@ fn rough_heights(seed: u32) -> Vec<i32> {
 fn relief_on_the_device_is_the_twin_s_within_one_step() {
     let Some(gpu) = device() else { return };
     let source = relief_to_buffer();
-    for (seed, tile) in [(1, "0/0/0/0"), (2, "2/3/7/0"), (3, "4/9/311/17"), (4, "5/14/9000/16383")] {
+    for (seed, tile) in [
+        (1, "0/0/0/0"),
+        (2, "2/3/7/0"),
+        (3, "4/9/311/17"),
+        (4, "5/14/9000/16383"),
+    ] {
         let tile: Tile = tile.parse().unwrap();
         let heights = rough_heights(seed);
         let record = relief_record(&Ellipsoid::EARTH, tile, 1.0 / 16.0, 0, 0);
@@ -128,9 +166,8 @@ fn relief_on_the_device_is_the_twin_s_within_one_step() {
         let words = run_words(&gpu, &source, &buffers, u64::from(side * side) * 4, groups);
         // Coarse and fine part together: 127² steps to 1. Device and twin may round differently in the
         // last bits of f32; three steps are 0.0002 of a unit normal.
-        let value = |texel: [i8; 4], part: usize| {
-            i32::from(texel[part]) * 127 + i32::from(texel[part + 2])
-        };
+        let value =
+            |texel: [i8; 4], part: usize| i32::from(texel[part]) * 127 + i32::from(texel[part + 2]);
         let mut largest = 0;
         for (word, twin) in words.iter().zip(&twin) {
             let texel = word.to_le_bytes().map(|byte| byte as i8);
@@ -178,12 +215,23 @@ fn vertices_on_the_device_are_within_a_hundredth_of_a_pixel_of_f64() {
             let below = Ellipsoid::EARTH.normal_below(eye + aside);
             points.push(Ellipsoid::EARTH.point(below, 4810.0));
         }
-        let words: Vec<u32> =
-            points.iter().flat_map(|point| FixedPoint::from_ecef(*point).words()).collect();
+        let words: Vec<u32> = points
+            .iter()
+            .flat_map(|point| FixedPoint::from_ecef(*point).words())
+            .collect();
         let viewer_words = viewer.words();
-        let buffers = [bytemuck::cast_slice(&words), bytemuck::cast_slice(&viewer_words)];
+        let buffers = [
+            bytemuck::cast_slice(&words),
+            bytemuck::cast_slice(&viewer_words),
+        ];
         let bytes = points.len() as u64 * 12;
-        let result = run_words(&gpu, &source, &buffers, bytes, [points.len().div_ceil(64) as u32, 1, 1]);
+        let result = run_words(
+            &gpu,
+            &source,
+            &buffers,
+            bytes,
+            [points.len().div_ceil(64) as u32, 1, 1],
+        );
         for (point, relative) in points.iter().zip(result.chunks_exact(3)) {
             let device = Vec3::new(
                 f32::from_bits(relative[0]),
@@ -193,7 +241,11 @@ fn vertices_on_the_device_are_within_a_hundredth_of_a_pixel_of_f64() {
             let exact = *point - eye;
             let angle = (device.as_dvec3() - exact).length() / exact.length();
             worst = worst.max(angle * pixels_per_radian);
-            assert_eq!(device, FixedPoint::from_ecef(*point).relative_to(viewer), "the CPU's twin");
+            assert_eq!(
+                device,
+                FixedPoint::from_ecef(*point).relative_to(viewer),
+                "the CPU's twin"
+            );
         }
     }
     eprintln!("largest vertex error: {worst:.5} px at {pixels_per_radian} px/rad");
@@ -211,7 +263,12 @@ fn clip_positions_are_within_a_hundredth_of_a_pixel_of_f64() {
         size_px: [3840, 2160],
     };
     let room = DMat3::from_euler(glam::EulerRot::ZYX, 2.0, 0.3, -1.2);
-    let whole = PixelRect { x: 0, y: 0, width: 3840, height: 2160 };
+    let whole = PixelRect {
+        x: 0,
+        y: 0,
+        width: 3840,
+        height: 2160,
+    };
     let mut worst: f64 = 0.0;
     for block in screen.blocks(whole, room) {
         for n in 0..2000 {

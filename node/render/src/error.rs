@@ -22,7 +22,9 @@ pub enum RenderError {
         reason: String,
     },
     /// An output is larger than the device can draw.
-    #[error("output \"{output}\" is {width}×{height} pixels; this graphics adapter draws at most {most} a side: split it into several outputs")]
+    #[error(
+        "output \"{output}\" is {width}×{height} pixels; this graphics adapter draws at most {most} a side: split it into several outputs"
+    )]
     OutputTooLarge {
         /// The output's name.
         output: String,

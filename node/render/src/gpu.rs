@@ -48,7 +48,27 @@ impl Gpu {
     /// Opens the adapter whose name contains `wanted`, or the fastest one. A real GPU is preferred to a
     /// software driver; among equals the order is the driver's.
     pub fn open(wanted: Option<&str>) -> Result<Self, GpuError> {
-        let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
+        Self::open_with(
+            wgpu::InstanceDescriptor::new_without_display_handle(),
+            wanted,
+        )
+    }
+
+    /// As [`Gpu::open`], able to show windows on the display behind `display`.
+    pub fn open_for_display(
+        display: Box<dyn wgpu::wgt::WgpuHasDisplayHandle>,
+        wanted: Option<&str>,
+    ) -> Result<Self, GpuError> {
+        Self::open_with(
+            wgpu::InstanceDescriptor::new_with_display_handle(display),
+            wanted,
+        )
+    }
+
+    fn open_with(
+        mut descriptor: wgpu::InstanceDescriptor,
+        wanted: Option<&str>,
+    ) -> Result<Self, GpuError> {
         descriptor.backends = wgpu::Backends::VULKAN;
         let instance = wgpu::Instance::new(descriptor);
         let mut adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::VULKAN));
@@ -59,8 +79,10 @@ impl Gpu {
             wgpu::DeviceType::Other => 3,
             wgpu::DeviceType::Cpu => 4,
         });
-        let known: Vec<String> =
-            adapters.iter().map(|adapter| format!("\"{}\"", adapter.get_info().name)).collect();
+        let known: Vec<String> = adapters
+            .iter()
+            .map(|adapter| format!("\"{}\"", adapter.get_info().name))
+            .collect();
         if adapters.is_empty() {
             return Err(GpuError::NoAdapter);
         }
@@ -88,9 +110,19 @@ impl Gpu {
             required_limits: limits,
             ..wgpu::DeviceDescriptor::default()
         };
-        let (device, queue) = pollster::block_on(adapter.request_device(&request))
-            .map_err(|error| GpuError::Unusable { adapter: name, reason: error.to_string() })?;
-        Ok(Self { instance, adapter, device, queue })
+        let (device, queue) =
+            pollster::block_on(adapter.request_device(&request)).map_err(|error| {
+                GpuError::Unusable {
+                    adapter: name,
+                    reason: error.to_string(),
+                }
+            })?;
+        Ok(Self {
+            instance,
+            adapter,
+            device,
+            queue,
+        })
     }
 
     /// The adapter's name and driver, for reports.
@@ -112,8 +144,12 @@ impl Gpu {
 
     /// Waits until all submitted work is done.
     pub fn wait(&self) -> Result<(), GpuError> {
-        self.device.poll(wgpu::PollType::wait_indefinitely()).map(|_| ()).map_err(|error| {
-            GpuError::Unusable { adapter: self.name(), reason: error.to_string() }
-        })
+        self.device
+            .poll(wgpu::PollType::wait_indefinitely())
+            .map(|_| ())
+            .map_err(|error| GpuError::Unusable {
+                adapter: self.name(),
+                reason: error.to_string(),
+            })
     }
 }

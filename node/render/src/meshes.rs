@@ -80,7 +80,8 @@ impl Meshes {
             usage: wgpu::BufferUsages::INDEX | wgpu::BufferUsages::COPY_DST,
             mapped_at_creation: false,
         });
-        gpu.queue.write_buffer(&indices, 0, bytemuck::cast_slice(&all_indices));
+        gpu.queue
+            .write_buffer(&indices, 0, bytemuck::cast_slice(&all_indices));
         Ok(Self {
             patch,
             vertices,
@@ -98,7 +99,6 @@ impl Meshes {
     pub(crate) fn capacity(&self) -> usize {
         self.capacity as usize
     }
-
 
     /// The mesh of a tile, built and uploaded where it is not there in this form. The flag tells whether
     /// it was. `None` when every slot is in use in this frame, or data that the seams name is not in
@@ -137,9 +137,11 @@ impl Meshes {
         };
         if let Some(slot) = slot {
             self.bytes_scratch.clear();
-            self.bytes_scratch.extend(vertices.iter().flat_map(Vertex::to_bytes));
+            self.bytes_scratch
+                .extend(vertices.iter().flat_map(Vertex::to_bytes));
             let offset = u64::from(slot) * self.patch.positions.len() as u64 * VERTEX_BYTES;
-            gpu.queue.write_buffer(&self.vertices, offset, &self.bytes_scratch);
+            gpu.queue
+                .write_buffer(&self.vertices, offset, &self.bytes_scratch);
         }
         self.vertices_scratch = vertices;
         slot.map(|slot| (self.draw(slot, &request.seams), true))
@@ -150,7 +152,14 @@ impl Meshes {
             Some(stale) => stale.slot,
             None => self.free.pop().or_else(|| self.evict(frame))?,
         };
-        self.slots.insert(request.tile, Slot { slot, seams: request.seams, used: frame });
+        self.slots.insert(
+            request.tile,
+            Slot {
+                slot,
+                seams: request.seams,
+                used: frame,
+            },
+        );
         Some(slot)
     }
 

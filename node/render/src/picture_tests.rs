@@ -1,6 +1,10 @@
 //! Pictures of a made-up planet: tiled equals single, what does not change is not drawn, and small
 //! budgets still converge. Needs a device, as in `device_tests`.
-#![allow(clippy::unwrap_used, clippy::print_stderr, reason = "a test that panics has failed")]
+#![allow(
+    clippy::unwrap_used,
+    clippy::print_stderr,
+    reason = "a test that panics has failed"
+)]
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -9,7 +13,8 @@ use std::time::{Duration, Instant};
 use geodesy::{Ellipsoid, LatticePoint, Tile};
 use glam::{DMat3, DVec3};
 use tiles::{
-    CacheConfig, Dataset, Index, Kind, Repository, SampleType, Samples, TileCache, TileData, Validity,
+    CacheConfig, Dataset, Index, Kind, Repository, SampleType, Samples, TileCache, TileData,
+    Validity,
 };
 
 use crate::canvas::{ChannelPlan, OutputPlan, PixelRect, PlanarScreen};
@@ -30,7 +35,11 @@ fn tile_data(tile: Tile, kind: Kind) -> TileData {
             heights.push((hills * 6000.0 * 16.0) as i32);
             let checks = (n * 12.0).floor().as_i64vec3();
             let dark = (checks.x + checks.y + checks.z) & 1 == 0;
-            colours.extend_from_slice(if dark { &[40, 90, 160] } else { &[200, 180, 120] });
+            colours.extend_from_slice(if dark {
+                &[40, 90, 160]
+            } else {
+                &[200, 180, 120]
+            });
         }
     }
     let (channels, samples) = match kind {
@@ -45,8 +54,11 @@ fn tile_data(tile: Tile, kind: Kind) -> TileData {
 fn repository(kind: Kind) -> (tempfile::TempDir, PathBuf) {
     let directory = tempfile::tempdir().unwrap();
     let root = directory.path().join("data");
-    let (sample_type, channels) =
-        if kind == Kind::Elevation { (SampleType::I32, 1) } else { (SampleType::U8, 3) };
+    let (sample_type, channels) = if kind == Kind::Elevation {
+        (SampleType::I32, 1)
+    } else {
+        (SampleType::U8, 3)
+    };
     let mut dataset = Dataset::new("planet", kind, sample_type, channels);
     dataset.deepest_level = 2;
     let repository = Repository::create(&root, dataset).unwrap();
@@ -56,11 +68,16 @@ fn repository(kind: Kind) -> (tempfile::TempDir, PathBuf) {
         for tile in &level {
             if depth < 2 || tile.face().number() < 2 {
                 let data = tile_data(*tile, kind);
-                repository.write_atomic(*tile, &data.encode().unwrap()).unwrap();
+                repository
+                    .write_atomic(*tile, &data.encode().unwrap())
+                    .unwrap();
                 index.insert_tile(&data);
             }
         }
-        level = level.iter().flat_map(|tile| tile.children().unwrap()).collect();
+        level = level
+            .iter()
+            .flat_map(|tile| tile.children().unwrap())
+            .collect();
     }
     repository.store_index(&index).unwrap();
     (directory, root)
@@ -82,17 +99,31 @@ impl Planet {
     }
 
     fn renderer(&self, outputs: &[OutputPlan], gpu_bytes: u64) -> Renderer {
-        let config =
-            CacheConfig { ram_bytes: 256 << 20, disk_bytes: 0, disk_directory: None, threads: 2 };
+        let config = CacheConfig {
+            ram_bytes: 256 << 20,
+            disk_bytes: 0,
+            disk_directory: None,
+            threads: 2,
+        };
         let cache = Arc::new(TileCache::open(&config).unwrap());
-        let budget = RenderBudget { gpu_bytes, upload: Duration::from_millis(5) };
+        let budget = RenderBudget {
+            gpu_bytes,
+            upload: Duration::from_millis(5),
+        };
         let mut renderer = Renderer::new(Arc::clone(&self.gpu), cache, outputs, budget).unwrap();
         let scene = SceneData {
             ellipsoid: Ellipsoid::EARTH,
             elevation: Some(("heights".to_owned(), self.elevation.1.clone())),
             imagery: Some(("colours".to_owned(), self.imagery.1.clone())),
-            light: Light { sun: DVec3::new(0.8, 0.3, 0.5).normalize(), ambient: 0.1, relief: 2.0 },
-            air: Air { thickness_m: 10_000.0, colour: [0.5, 0.7, 1.0] },
+            light: Light {
+                sun: DVec3::new(0.8, 0.3, 0.5).normalize(),
+                ambient: 0.1,
+                relief: 2.0,
+            },
+            air: Air {
+                thickness_m: 10_000.0,
+                colour: [0.5, 0.7, 1.0],
+            },
             refinement: 3,
             tile_px: 100.0,
             deepest_level: 8,
@@ -106,7 +137,11 @@ fn output(rect: PixelRect) -> OutputPlan {
     OutputPlan {
         name: format!("{},{}", rect.x, rect.y),
         size_px: [rect.width, rect.height],
-        channels: vec![ChannelPlan { screen: 0, canvas_px: rect, output_px: [0, 0] }],
+        channels: vec![ChannelPlan {
+            screen: 0,
+            canvas_px: rect,
+            output_px: [0, 0],
+        }],
     }
 }
 
@@ -147,7 +182,10 @@ fn settle(renderer: &mut Renderer, view: &ViewPoint) -> FrameStatistics {
         if statistics.converged {
             return statistics;
         }
-        assert!(start.elapsed() < Duration::from_secs(60), "never converged: {statistics:?}");
+        assert!(
+            start.elapsed() < Duration::from_secs(60),
+            "never converged: {statistics:?}"
+        );
         std::thread::sleep(Duration::from_millis(2));
     }
 }
@@ -159,11 +197,26 @@ fn picture(renderer: &Renderer) -> Picture {
 #[test]
 fn tiled_pictures_equal_the_single_one_bit_for_bit() {
     let Some(planet) = Planet::new() else { return };
-    let whole = PixelRect { x: 0, y: 0, width: CANVAS[0], height: CANVAS[1] };
+    let whole = PixelRect {
+        x: 0,
+        y: 0,
+        width: CANVAS[0],
+        height: CANVAS[1],
+    };
     let mut single = planet.renderer(&[output(whole)], 64 << 20);
     // Odd sizes and places, so that nothing falls on convenient borders.
-    let parts = [(0, 0, 101, 77), (101, 0, 219, 77), (0, 77, 37, 103), (37, 77, 283, 103)]
-        .map(|(x, y, width, height)| PixelRect { x, y, width, height });
+    let parts = [
+        (0, 0, 101, 77),
+        (101, 0, 219, 77),
+        (0, 77, 37, 103),
+        (37, 77, 283, 103),
+    ]
+    .map(|(x, y, width, height)| PixelRect {
+        x,
+        y,
+        width,
+        height,
+    });
     let mut tiled = parts.map(|part| planet.renderer(&[output(part)], 64 << 20));
     for view in views() {
         settle(&mut single, &view);
@@ -176,7 +229,12 @@ fn tiled_pictures_equal_the_single_one_bit_for_bit() {
             for (row, line) in piece.rgba.chunks((part.width * 4) as usize).enumerate() {
                 let first = ((part.y as usize + row) * CANVAS[0] as usize + part.x as usize) * 4;
                 let expected = &whole.rgba[first..first + line.len()];
-                assert!(line == expected, "row {row} of the part at {},{} differs", part.x, part.y);
+                assert!(
+                    line == expected,
+                    "row {row} of the part at {},{} differs",
+                    part.x,
+                    part.y
+                );
             }
         }
     }
@@ -185,16 +243,39 @@ fn tiled_pictures_equal_the_single_one_bit_for_bit() {
 #[test]
 fn a_node_with_several_channels_composes_them() {
     let Some(planet) = Planet::new() else { return };
-    let whole = PixelRect { x: 0, y: 0, width: CANVAS[0], height: CANVAS[1] };
+    let whole = PixelRect {
+        x: 0,
+        y: 0,
+        width: CANVAS[0],
+        height: CANVAS[1],
+    };
     let mut single = planet.renderer(&[output(whole)], 64 << 20);
-    let left = PixelRect { x: 0, y: 0, width: 100, height: 180 };
-    let right = PixelRect { x: 220, y: 0, width: 100, height: 180 };
+    let left = PixelRect {
+        x: 0,
+        y: 0,
+        width: 100,
+        height: 180,
+    };
+    let right = PixelRect {
+        x: 220,
+        y: 0,
+        width: 100,
+        height: 180,
+    };
     let two = OutputPlan {
         name: "two".to_owned(),
         size_px: [200, 180],
         channels: vec![
-            ChannelPlan { screen: 0, canvas_px: right, output_px: [0, 0] },
-            ChannelPlan { screen: 0, canvas_px: left, output_px: [100, 0] },
+            ChannelPlan {
+                screen: 0,
+                canvas_px: right,
+                output_px: [0, 0],
+            },
+            ChannelPlan {
+                screen: 0,
+                canvas_px: left,
+                output_px: [100, 0],
+            },
         ],
     };
     let mut swapped = planet.renderer(&[two], 64 << 20);
@@ -213,7 +294,12 @@ fn a_node_with_several_channels_composes_them() {
 #[test]
 fn what_does_not_change_is_not_drawn_again() {
     let Some(planet) = Planet::new() else { return };
-    let whole = PixelRect { x: 0, y: 0, width: CANVAS[0], height: CANVAS[1] };
+    let whole = PixelRect {
+        x: 0,
+        y: 0,
+        width: CANVAS[0],
+        height: CANVAS[1],
+    };
     let mut renderer = planet.renderer(&[output(whole)], 64 << 20);
     let [first, second, ..] = views();
     settle(&mut renderer, &first);
@@ -224,13 +310,21 @@ fn what_does_not_change_is_not_drawn_again() {
     settle(&mut renderer, &second);
     assert!(!renderer.draw(&second).unwrap().redrawn);
     renderer.set_sun(DVec3::Z);
-    assert!(renderer.draw(&second).unwrap().redrawn, "light is part of the picture");
+    assert!(
+        renderer.draw(&second).unwrap().redrawn,
+        "light is part of the picture"
+    );
 }
 
 #[test]
 fn the_smallest_budget_still_converges_and_then_loads_nothing() {
     let Some(planet) = Planet::new() else { return };
-    let whole = PixelRect { x: 0, y: 0, width: CANVAS[0], height: CANVAS[1] };
+    let whole = PixelRect {
+        x: 0,
+        y: 0,
+        width: CANVAS[0],
+        height: CANVAS[1],
+    };
     let mut renderer = planet.renderer(&[output(whole)], 0);
     let view = &views()[2];
     let settled = settle(&mut renderer, view);
@@ -240,5 +334,8 @@ fn the_smallest_budget_still_converges_and_then_loads_nothing() {
         let again = renderer.draw(view).unwrap();
         assert!(!again.redrawn && again.converged);
     }
-    assert_eq!(before.repository_reads, renderer.cache().counters().repository_reads);
+    assert_eq!(
+        before.repository_reads,
+        renderer.cache().counters().repository_reads
+    );
 }

@@ -32,11 +32,13 @@ pub(crate) struct Pipelines {
 impl Pipelines {
     pub(crate) fn new(gpu: &Gpu, textures: &SurfaceTextures) -> Result<Self, RenderError> {
         let layout = bind_group_layout(gpu);
-        let pipeline_layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-            label: Some("draw"),
-            bind_group_layouts: &[Some(&layout)],
-            immediate_size: 0,
-        });
+        let pipeline_layout = gpu
+            .device
+            .create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+                label: Some("draw"),
+                bind_group_layouts: &[Some(&layout)],
+                immediate_size: 0,
+            });
         let terrain = draw_pipeline(gpu, &pipeline_layout, Stage::Terrain)?;
         let atmosphere = draw_pipeline(gpu, &pipeline_layout, Stage::Atmosphere)?;
         let sampler = gpu.device.create_sampler(&wgpu::SamplerDescriptor {
@@ -50,7 +52,16 @@ impl Pipelines {
         let frames = frame_buffer(gpu, frame_stride);
         let records = record_buffer(gpu, 64);
         let bindings = bind(gpu, &layout, &frames, &records, textures, &sampler);
-        Ok(Self { terrain, atmosphere, layout, sampler, frames, frame_stride, records, bindings })
+        Ok(Self {
+            terrain,
+            atmosphere,
+            layout,
+            sampler,
+            frames,
+            frame_stride,
+            records,
+            bindings,
+        })
     }
 
     /// Writes what every block and every tile of this frame needs; buffers grow as they must.
@@ -70,13 +81,22 @@ impl Pipelines {
             if record_bytes > self.records.size() {
                 self.records = record_buffer(gpu, records.len().next_power_of_two());
             }
-            self.bindings = bind(gpu, &self.layout, &self.frames, &self.records, textures, &self.sampler);
+            self.bindings = bind(
+                gpu,
+                &self.layout,
+                &self.frames,
+                &self.records,
+                textures,
+                &self.sampler,
+            );
         }
         for (index, frame) in frames.iter().enumerate() {
             let offset = index as u64 * self.frame_stride;
-            gpu.queue.write_buffer(&self.frames, offset, bytemuck::bytes_of(frame));
+            gpu.queue
+                .write_buffer(&self.frames, offset, bytemuck::bytes_of(frame));
         }
-        gpu.queue.write_buffer(&self.records, 0, bytemuck::cast_slice(records));
+        gpu.queue
+            .write_buffer(&self.records, 0, bytemuck::cast_slice(records));
     }
 
     /// The dynamic offset of a block's frame.
@@ -104,43 +124,49 @@ fn record_buffer(gpu: &Gpu, records: usize) -> wgpu::Buffer {
 }
 
 fn bind_group_layout(gpu: &Gpu) -> wgpu::BindGroupLayout {
-    let entry = |binding, visibility, ty| wgpu::BindGroupLayoutEntry { binding, visibility, ty, count: None };
+    let entry = |binding, visibility, ty| wgpu::BindGroupLayoutEntry {
+        binding,
+        visibility,
+        ty,
+        count: None,
+    };
     let layers = wgpu::BindingType::Texture {
         sample_type: wgpu::TextureSampleType::Float { filterable: true },
         view_dimension: wgpu::TextureViewDimension::D2Array,
         multisampled: false,
     };
     let both = wgpu::ShaderStages::VERTEX_FRAGMENT;
-    gpu.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
-        label: Some("draw"),
-        entries: &[
-            entry(
-                0,
-                both,
-                wgpu::BindingType::Buffer {
-                    ty: wgpu::BufferBindingType::Uniform,
-                    has_dynamic_offset: true,
-                    min_binding_size: wgpu::BufferSize::new(size_of::<FrameUniform>() as u64),
-                },
-            ),
-            entry(
-                1,
-                wgpu::ShaderStages::VERTEX,
-                wgpu::BindingType::Buffer {
-                    ty: wgpu::BufferBindingType::Storage { read_only: true },
-                    has_dynamic_offset: false,
-                    min_binding_size: wgpu::BufferSize::new(size_of::<TileRecord>() as u64),
-                },
-            ),
-            entry(2, wgpu::ShaderStages::FRAGMENT, layers),
-            entry(3, wgpu::ShaderStages::FRAGMENT, layers),
-            entry(
-                4,
-                wgpu::ShaderStages::FRAGMENT,
-                wgpu::BindingType::Sampler(wgpu::SamplerBindingType::Filtering),
-            ),
-        ],
-    })
+    gpu.device
+        .create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+            label: Some("draw"),
+            entries: &[
+                entry(
+                    0,
+                    both,
+                    wgpu::BindingType::Buffer {
+                        ty: wgpu::BufferBindingType::Uniform,
+                        has_dynamic_offset: true,
+                        min_binding_size: wgpu::BufferSize::new(size_of::<FrameUniform>() as u64),
+                    },
+                ),
+                entry(
+                    1,
+                    wgpu::ShaderStages::VERTEX,
+                    wgpu::BindingType::Buffer {
+                        ty: wgpu::BufferBindingType::Storage { read_only: true },
+                        has_dynamic_offset: false,
+                        min_binding_size: wgpu::BufferSize::new(size_of::<TileRecord>() as u64),
+                    },
+                ),
+                entry(2, wgpu::ShaderStages::FRAGMENT, layers),
+                entry(3, wgpu::ShaderStages::FRAGMENT, layers),
+                entry(
+                    4,
+                    wgpu::ShaderStages::FRAGMENT,
+                    wgpu::BindingType::Sampler(wgpu::SamplerBindingType::Filtering),
+                ),
+            ],
+        })
 }
 
 fn bind(
@@ -179,17 +205,20 @@ fn draw_pipeline(
     layout: &wgpu::PipelineLayout,
     stage: Stage,
 ) -> Result<wgpu::RenderPipeline, RenderError> {
-    let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
-        label: Some(stage.name()),
-        source: wgpu::ShaderSource::Wgsl(stage.source()?.into()),
-    });
+    let module = gpu
+        .device
+        .create_shader_module(wgpu::ShaderModuleDescriptor {
+            label: Some(stage.name()),
+            source: wgpu::ShaderSource::Wgsl(stage.source()?.into()),
+        });
     let is_terrain = stage == Stage::Terrain;
     let vertices = wgpu::VertexBufferLayout {
         array_stride: terrain::Vertex::BYTES as u64,
         step_mode: wgpu::VertexStepMode::Vertex,
         attributes: &ATTRIBUTES,
     };
-    let buffers: &[Option<wgpu::VertexBufferLayout<'_>>] = if is_terrain { &[Some(vertices)] } else { &[] };
+    let buffers: &[Option<wgpu::VertexBufferLayout<'_>>] =
+        if is_terrain { &[Some(vertices)] } else { &[] };
     let depth = wgpu::DepthStencilState {
         format: DEPTH,
         depth_write_enabled: Some(is_terrain),
@@ -202,28 +231,30 @@ fn draw_pipeline(
         stencil: wgpu::StencilState::default(),
         bias: wgpu::DepthBiasState::default(),
     };
-    Ok(gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
-        label: Some(stage.name()),
-        layout: Some(layout),
-        vertex: wgpu::VertexState {
-            module: &module,
-            entry_point: Some("vertex_main"),
-            compilation_options: wgpu::PipelineCompilationOptions::default(),
-            buffers,
-        },
-        primitive: wgpu::PrimitiveState {
-            cull_mode: is_terrain.then_some(wgpu::Face::Back),
-            ..wgpu::PrimitiveState::default()
-        },
-        depth_stencil: Some(depth),
-        multisample: wgpu::MultisampleState::default(),
-        fragment: Some(wgpu::FragmentState {
-            module: &module,
-            entry_point: Some("fragment_main"),
-            compilation_options: wgpu::PipelineCompilationOptions::default(),
-            targets: &[Some(COLOUR.into())],
-        }),
-        multiview_mask: None,
-        cache: None,
-    }))
+    Ok(gpu
+        .device
+        .create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+            label: Some(stage.name()),
+            layout: Some(layout),
+            vertex: wgpu::VertexState {
+                module: &module,
+                entry_point: Some("vertex_main"),
+                compilation_options: wgpu::PipelineCompilationOptions::default(),
+                buffers,
+            },
+            primitive: wgpu::PrimitiveState {
+                cull_mode: is_terrain.then_some(wgpu::Face::Back),
+                ..wgpu::PrimitiveState::default()
+            },
+            depth_stencil: Some(depth),
+            multisample: wgpu::MultisampleState::default(),
+            fragment: Some(wgpu::FragmentState {
+                module: &module,
+                entry_point: Some("fragment_main"),
+                compilation_options: wgpu::PipelineCompilationOptions::default(),
+                targets: &[Some(COLOUR.into())],
+            }),
+            multiview_mask: None,
+            cache: None,
+        }))
 }

@@ -23,7 +23,11 @@ impl LayerPool {
     /// A pool over layers 1…`layers` − 1.
     #[must_use]
     pub fn new(layers: u32) -> Self {
-        Self { layers: HashMap::new(), free: (1..layers).rev().collect(), capacity: layers }
+        Self {
+            layers: HashMap::new(),
+            free: (1..layers).rev().collect(),
+            capacity: layers,
+        }
     }
 
     /// The layer of a tile, which counts as used in this frame.

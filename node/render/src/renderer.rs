@@ -94,14 +94,12 @@ struct LoadedScene {
 }
 
 impl LoadedScene {
-    /// Beyond the level at which a patch's vertices reach every node of the deepest data, a split would
-    /// show nothing new. From the indices alone, so the same on every node.
-    fn deepest_level(&self) -> u8 {
-        let layers = [&self.elevation, &self.imagery];
-        let deepest = layers.into_iter().flatten().map(|layer| layer.data.index.deepest_level()).max();
-        let finest_patch = geodesy::LATTICE_BITS - 1;
-        let reached = deepest.unwrap_or(0) + finest_patch.saturating_sub(self.data.refinement);
-        reached.min(self.data.deepest_level)
+    fn ranges(&self) -> Ranges<'_> {
+        Ranges {
+            elevation: self.elevation.as_ref(),
+            imagery: self.imagery.as_ref(),
+            refinement: self.data.refinement,
+        }
     }
 }
 
@@ -171,7 +169,8 @@ impl Renderer {
         };
         let elevation = open(&data.elevation, tiles::Kind::Elevation)?;
         let imagery = open(&data.imagery, tiles::Kind::Imagery)?;
-        let same = |old: Option<&Layer>, new: Option<&Layer>| old.map(|l| l.id) == new.map(|l| l.id);
+        let same =
+            |old: Option<&Layer>, new: Option<&Layer>| old.map(|l| l.id) == new.map(|l| l.id);
         let kept = self.scene.as_ref().is_some_and(|old| {
             same(old.elevation.as_ref(), elevation.as_ref())
                 && same(old.imagery.as_ref(), imagery.as_ref())
@@ -179,10 +178,18 @@ impl Renderer {
                 && old.data.ellipsoid == data.ellipsoid
         });
         if !kept {
-            self.meshes = Some(Meshes::new(&self.gpu, data.refinement, self.budget.gpu_bytes / 8)?);
+            self.meshes = Some(Meshes::new(
+                &self.gpu,
+                data.refinement,
+                self.budget.gpu_bytes / 8,
+            )?);
             self.textures.clear();
         }
-        self.scene = Some(LoadedScene { data, elevation, imagery });
+        self.scene = Some(LoadedScene {
+            data,
+            elevation,
+            imagery,
+        });
         self.last = None;
         Ok(())
     }
@@ -213,11 +220,17 @@ impl Renderer {
             && (last.statistics.converged || last.arrivals == arrivals)
             && last.statistics.uploads == 0
         {
-            return Ok(FrameStatistics { redrawn: false, ..last.statistics });
+            return Ok(FrameStatistics {
+                redrawn: false,
+                ..last.statistics
+            });
         }
         self.frame += 1;
         let (Some(scene), Some(meshes)) = (&self.scene, &mut self.meshes) else {
-            return Ok(FrameStatistics { converged: true, ..FrameStatistics::default() });
+            return Ok(FrameStatistics {
+                converged: true,
+                ..FrameStatistics::default()
+            });
         };
         let mut gather = Gather {
             gpu: &self.gpu,
@@ -230,7 +243,10 @@ impl Renderer {
             wants: Vec::new(),
             pending: 0,
             shown: Vec::new(),
-            statistics: FrameStatistics { converged: true, ..FrameStatistics::default() },
+            statistics: FrameStatistics {
+                converged: true,
+                ..FrameStatistics::default()
+            },
         };
         let blocks = plan_blocks(&self.outputs, view);
         let (draws, records) = gather.run(view, &blocks);
@@ -238,7 +254,8 @@ impl Renderer {
         let wants = std::mem::take(&mut gather.wants);
         let pending = gather.pending;
         let shown = std::mem::take(&mut gather.shown);
-        self.new_tiles.extend(shown.into_iter().filter(|number| self.used.insert(*number)));
+        self.new_tiles
+            .extend(shown.into_iter().filter(|number| self.used.insert(*number)));
         statistics.pending_tiles = pending;
         statistics.converged &= pending == 0;
         self.cache.request(&wants);
@@ -251,13 +268,22 @@ impl Renderer {
                 && statistics.meshes_built == 0
         });
         if !unchanged {
-            let frames: Vec<FrameUniform> =
-                blocks.iter().map(|(_, screen, block)| frame_uniform(&scene.data, view, *screen, block)).collect();
-            self.pipelines.write(&self.gpu, &self.textures, &frames, &records);
+            let frames: Vec<FrameUniform> = blocks
+                .iter()
+                .map(|(_, screen, block)| frame_uniform(&scene.data, view, *screen, block))
+                .collect();
+            self.pipelines
+                .write(&self.gpu, &self.textures, &frames, &records);
             self.render(&blocks, &draws)?;
         }
         statistics.redrawn = !unchanged;
-        self.last = Some(LastFrame { view: view.clone(), draws, records, arrivals, statistics });
+        self.last = Some(LastFrame {
+            view: view.clone(),
+            draws,
+            records,
+            arrivals,
+            statistics,
+        });
         Ok(statistics)
     }
 
@@ -266,15 +292,25 @@ impl Renderer {
         blocks: &[(usize, usize, Block)],
         draws: &[BlockDraws],
     ) -> Result<(), RenderError> {
-        let Some(meshes) = &self.meshes else { return Ok(()) };
-        let mut encoder = self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        let Some(meshes) = &self.meshes else {
+            return Ok(());
+        };
+        let mut encoder = self
+            .gpu
+            .device
+            .create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         let layouts = block_layouts(&self.outputs, blocks);
         for (index, ((output, _, block), draws)) in blocks.iter().zip(draws).enumerate() {
-            let Some((plan, target, scratch)) = self.outputs.get_mut(*output) else { continue };
+            let Some((plan, target, scratch)) = self.outputs.get_mut(*output) else {
+                continue;
+            };
             let layout = layouts[*output];
-            let scratch =
-                scratch.get_or_insert_with(|| BlockTarget::new(&self.gpu, layout.size, layout.direct));
-            let colour = scratch.colour.as_ref().map_or(&target.view, |(_, view)| view);
+            let scratch = scratch
+                .get_or_insert_with(|| BlockTarget::new(&self.gpu, layout.size, layout.direct));
+            let colour = scratch
+                .colour
+                .as_ref()
+                .map_or(&target.view, |(_, view)| view);
             let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
                 label: Some("block"),
                 color_attachments: &[Some(wgpu::RenderPassColorAttachment {
@@ -296,10 +332,21 @@ impl Renderer {
                 }),
                 ..wgpu::RenderPassDescriptor::default()
             });
-            pass.set_viewport(0.0, 0.0, block.area.width as f32, block.area.height as f32, 0.0, 1.0);
+            pass.set_viewport(
+                0.0,
+                0.0,
+                block.area.width as f32,
+                block.area.height as f32,
+                0.0,
+                1.0,
+            );
             let wanted = block.wanted;
             pass.set_scissor_rect(wanted.x, wanted.y, wanted.width, wanted.height);
-            pass.set_bind_group(0, &self.pipelines.bindings, &[self.pipelines.frame_offset(index)]);
+            pass.set_bind_group(
+                0,
+                &self.pipelines.bindings,
+                &[self.pipelines.frame_offset(index)],
+            );
             pass.set_pipeline(&self.pipelines.terrain);
             pass.set_vertex_buffer(0, meshes.vertices.slice(..));
             pass.set_index_buffer(meshes.indices.slice(..), wgpu::IndexFormat::Uint16);
@@ -353,9 +400,15 @@ fn plan_blocks(
     let mut blocks = Vec::new();
     for (output, (plan, _, _)) in outputs.iter().enumerate() {
         for channel in &plan.channels {
-            let Some(screen) = view.screens.get(channel.screen) else { continue };
+            let Some(screen) = view.screens.get(channel.screen) else {
+                continue;
+            };
             let of_channel = screen.blocks(channel.canvas_px, view.room);
-            blocks.extend(of_channel.into_iter().map(|block| (output, channel.screen, block)));
+            blocks.extend(
+                of_channel
+                    .into_iter()
+                    .map(|block| (output, channel.screen, block)),
+            );
         }
     }
     blocks
@@ -411,15 +464,31 @@ fn copy_block(
     };
     encoder.copy_texture_to_texture(
         wgpu::TexelCopyTextureInfo {
-            origin: wgpu::Origin3d { x: wanted.x, y: wanted.y, z: 0 },
+            origin: wgpu::Origin3d {
+                x: wanted.x,
+                y: wanted.y,
+                z: 0,
+            },
             ..block_texture.as_image_copy()
         },
-        wgpu::TexelCopyTextureInfo { origin: place, ..target.texture.as_image_copy() },
-        wgpu::Extent3d { width: wanted.width, height: wanted.height, depth_or_array_layers: 1 },
+        wgpu::TexelCopyTextureInfo {
+            origin: place,
+            ..target.texture.as_image_copy()
+        },
+        wgpu::Extent3d {
+            width: wanted.width,
+            height: wanted.height,
+            depth_or_array_layers: 1,
+        },
     );
 }
 
-fn frame_uniform(scene: &SceneData, view: &ViewPoint, screen: usize, block: &Block) -> FrameUniform {
+fn frame_uniform(
+    scene: &SceneData,
+    view: &ViewPoint,
+    screen: usize,
+    block: &Block,
+) -> FrameUniform {
     let eye = view.eyes.get(screen).copied().unwrap_or_default();
     let [x0, x1, y0, y1, z0, z1] = FixedPoint::from_ecef(eye).words();
     let ellipsoid = scene.ellipsoid;
@@ -437,8 +506,18 @@ fn frame_uniform(scene: &SceneData, view: &ViewPoint, screen: usize, block: &Blo
         viewer_z: [z0, z1, 0, 0],
         sun: [sun.x, sun.y, sun.z, scalar_f32(scene.light.ambient)],
         haze: [red, green, blue, scalar_f32(air.thickness_m)],
-        shading: [scalar_f32(scene.light.relief), scalar_f32(longest_m.max(1.0)), 0.0, 0.0],
-        sky_viewer: [sphere.x, sphere.y, sphere.z, scalar_f32(air.thickness_m / a)],
+        shading: [
+            scalar_f32(scene.light.relief),
+            scalar_f32(longest_m.max(1.0)),
+            0.0,
+            0.0,
+        ],
+        sky_viewer: [
+            sphere.x,
+            sphere.y,
+            sphere.z,
+            scalar_f32(air.thickness_m / a),
+        ],
         sky_ray: corner,
         sky_ray_x: right,
         sky_ray_y: down,
@@ -468,27 +547,38 @@ impl Gather<'_> {
         view: &ViewPoint,
         blocks: &[(usize, usize, Block)],
     ) -> (Vec<BlockDraws>, Vec<TileRecord>) {
-        let ranges = Ranges(self.scene.elevation.as_ref());
+        let ranges = self.scene.ranges();
         let floor_m = ranges.floor_m();
         let mut records = Vec::new();
-        let mut draws: Vec<BlockDraws> =
-            blocks.iter().map(|(output, ..)| BlockDraws { output: *output, patches: Vec::new() }).collect();
+        let mut draws: Vec<BlockDraws> = blocks
+            .iter()
+            .map(|(output, ..)| BlockDraws {
+                output: *output,
+                patches: Vec::new(),
+            })
+            .collect();
         for (screen, eye) in view.eyes.iter().enumerate() {
-            let of_screen: Vec<usize> =
-                (0..blocks.len()).filter(|index| blocks[*index].1 == screen).collect();
+            let of_screen: Vec<usize> = (0..blocks.len())
+                .filter(|index| blocks[*index].1 == screen)
+                .collect();
             if of_screen.is_empty() {
                 continue;
             }
             let limits = LodLimits {
-                deepest_level: self.scene.deepest_level(),
+                deepest_level: self.scene.data.deepest_level,
                 tile_px: self.scene.data.tile_px,
                 most_tiles: 4 * self.meshes.capacity(),
             };
-            let lod = LodView { eye: *eye, pixels_per_radian: view.pixels_per_radian };
+            let lod = LodView {
+                eye: *eye,
+                pixels_per_radian: view.pixels_per_radian,
+            };
             let selection = terrain::select(&self.scene.data.ellipsoid, &lod, &limits, &ranges);
             self.statistics.selected_tiles += selection.leaves().len() as u32;
-            self.statistics.achieved_tile_px =
-                self.statistics.achieved_tile_px.max(selection.achieved_tile_px());
+            self.statistics.achieved_tile_px = self
+                .statistics
+                .achieved_tile_px
+                .max(selection.achieved_tile_px());
             let horizon = Horizon::new(&self.scene.data.ellipsoid, floor_m, *eye);
             let mut visible_in = Vec::with_capacity(of_screen.len());
             let mut visible: Vec<Tile> = Vec::new();
@@ -530,8 +620,17 @@ impl Gather<'_> {
     ) -> HashMap<Tile, Surface> {
         let heights = self.gather_heights(eye, selection, visible);
         self.prepare_relief(visible, &heights);
-        let data = |tile: Tile| heights.resident.get(&tile).map(|heights| heights as &dyn Lattice);
-        let quantum_m = self.scene.elevation.as_ref().map_or(1.0, |layer| layer.data.dataset.unit());
+        let data = |tile: Tile| {
+            heights
+                .resident
+                .get(&tile)
+                .map(|heights| heights as &dyn Lattice)
+        };
+        let quantum_m = self
+            .scene
+            .elevation
+            .as_ref()
+            .map_or(1.0, |layer| layer.data.dataset.unit());
         let shown_level = |leaf: Tile| heights.shown.get(&leaf).map(|tile| tile.level());
         let mut surfaces = HashMap::with_capacity(visible.len());
         for leaf in visible {
@@ -542,7 +641,8 @@ impl Gather<'_> {
                 data: &data,
             };
             let prepared =
-                self.meshes.prepare(self.gpu, &self.scene.data.ellipsoid, &request, self.frame);
+                self.meshes
+                    .prepare(self.gpu, &self.scene.data.ellipsoid, &request, self.frame);
             let Some((mesh, built)) = prepared else {
                 self.statistics.converged = false;
                 continue;
@@ -553,16 +653,29 @@ impl Gather<'_> {
                 relief: self.relief_place(*leaf),
                 face: [u32::from(leaf.face().number()), 0, 0, 0],
             };
-            surfaces.insert(*leaf, Surface { record: records.len() as u32, mesh });
+            surfaces.insert(
+                *leaf,
+                Surface {
+                    record: records.len() as u32,
+                    mesh,
+                },
+            );
             records.push(record);
         }
         surfaces
     }
 
     /// What each visible leaf and each of its neighbours shows of the elevation; asks for the rest.
-    fn gather_heights(&mut self, eye: DVec3, selection: &Selection, visible: &[Tile]) -> GatheredHeights {
+    fn gather_heights(
+        &mut self,
+        eye: DVec3,
+        selection: &Selection,
+        visible: &[Tile],
+    ) -> GatheredHeights {
         let mut gathered = GatheredHeights::default();
-        let Some(layer) = &self.scene.elevation else { return gathered };
+        let Some(layer) = &self.scene.elevation else {
+            return gathered;
+        };
         for root in Tile::ROOTS {
             self.want(layer, root, &self.cache.get(layer.id, root), f32::MAX);
         }
@@ -575,7 +688,8 @@ impl Gather<'_> {
         let mut missing: Vec<Tile> = gathered.missing.iter().copied().collect();
         missing.sort_unstable();
         missing.dedup();
-        self.shown.extend(gathered.resident.keys().map(|tile| layer.number(*tile)));
+        self.shown
+            .extend(gathered.resident.keys().map(|tile| layer.number(*tile)));
         for tile in missing {
             let urgency = priority(&self.scene.data.ellipsoid, eye, tile);
             self.want(layer, tile, &self.cache.get(layer.id, tile), urgency);
@@ -600,9 +714,14 @@ impl Gather<'_> {
 
     /// Makes relief layers for what the visible leaves show, coarse levels first, within the budget.
     fn prepare_relief(&mut self, visible: &[Tile], heights: &GatheredHeights) {
-        let Some(layer) = &self.scene.elevation else { return };
-        let mut shown: Vec<Tile> =
-            visible.iter().filter_map(|leaf| heights.shown.get(leaf)).copied().collect();
+        let Some(layer) = &self.scene.elevation else {
+            return;
+        };
+        let mut shown: Vec<Tile> = visible
+            .iter()
+            .filter_map(|leaf| heights.shown.get(leaf))
+            .copied()
+            .collect();
         shown.sort_unstable();
         shown.dedup();
         shown.retain(|tile| self.textures.relief.get(*tile, self.frame).is_none());
@@ -613,7 +732,9 @@ impl Gather<'_> {
             }
             let mut jobs = Vec::with_capacity(batch.len());
             for tile in batch {
-                let Some(data) = heights.resident.get(tile) else { continue };
+                let Some(data) = heights.resident.get(tile) else {
+                    continue;
+                };
                 let Some(lent) = self.textures.relief.lend(*tile, self.frame) else {
                     self.statistics.converged = false;
                     continue;
@@ -625,13 +746,18 @@ impl Gather<'_> {
                 });
             }
             self.statistics.uploads += jobs.len() as u32;
-            self.textures.process_relief(self.gpu, &self.scene.data.ellipsoid, &jobs);
+            self.textures
+                .process_relief(self.gpu, &self.scene.data.ellipsoid, &jobs);
         }
     }
 
     fn relief_place(&mut self, leaf: Tile) -> [f32; 4] {
-        let Some(layer) = &self.scene.elevation else { return place(leaf, leaf, 0) };
-        let Some(best) = layer.best(leaf) else { return place(leaf, leaf, 0) };
+        let Some(layer) = &self.scene.elevation else {
+            return place(leaf, leaf, 0);
+        };
+        let Some(best) = layer.best(leaf) else {
+            return place(leaf, leaf, 0);
+        };
         for tile in best.lineage() {
             if let Some(found) = self.textures.relief.get(tile, self.frame) {
                 return place(leaf, tile, found);
@@ -642,8 +768,12 @@ impl Gather<'_> {
 
     /// The imagery a leaf shows: the finest of its lineage that is or can now be brought to the GPU.
     fn imagery_place(&mut self, eye: DVec3, leaf: Tile) -> [f32; 4] {
-        let Some(layer) = &self.scene.imagery else { return place(leaf, leaf, 0) };
-        let Some(best) = layer.best(leaf) else { return place(leaf, leaf, 0) };
+        let Some(layer) = &self.scene.imagery else {
+            return place(leaf, leaf, 0);
+        };
+        let Some(best) = layer.best(leaf) else {
+            return place(leaf, leaf, 0);
+        };
         for tile in best.lineage() {
             if let Some(found) = self.textures.imagery.get(tile, self.frame) {
                 return place(leaf, tile, found);
@@ -695,7 +825,9 @@ impl GatheredHeights {
             self.missing.insert(best);
         }
         self.shown.insert(leaf, data.tile);
-        self.resident.entry(data.tile).or_insert_with(|| Heights(data));
+        self.resident
+            .entry(data.tile)
+            .or_insert_with(|| Heights(data));
     }
 }
 

@@ -88,9 +88,16 @@ impl Layer {
         ellipsoid: &Ellipsoid,
         kind: tiles::Kind,
     ) -> Result<Self, RenderError> {
-        let refuse = |reason: String| RenderError::Layer { layer: name.clone(), reason };
-        let id = cache.add_dataset(path).map_err(|error| refuse(error.to_string()))?;
-        let data = cache.dataset(id).ok_or_else(|| refuse("it was closed again".to_owned()))?;
+        let refuse = |reason: String| RenderError::Layer {
+            layer: name.clone(),
+            reason,
+        };
+        let id = cache
+            .add_dataset(path)
+            .map_err(|error| refuse(error.to_string()))?;
+        let data = cache
+            .dataset(id)
+            .ok_or_else(|| refuse("it was closed again".to_owned()))?;
         let found = data.dataset.kind;
         if found != kind {
             return Err(refuse(format!(
@@ -116,7 +123,8 @@ impl Layer {
 
     /// A number of a tile of this data set that is the same on every node.
     pub(crate) fn number(&self, tile: Tile) -> u64 {
-        self.seed.wrapping_add(tile.id().wrapping_mul(0x9E37_79B9_7F4A_7C15))
+        self.seed
+            .wrapping_add(tile.id().wrapping_mul(0x9E37_79B9_7F4A_7C15))
     }
 
     /// The tile whose data a leaf should show: itself, or its finest ancestor that exists.
@@ -126,32 +134,65 @@ impl Layer {
 
     /// The data that a leaf can show now: the finest of its lineage that is in memory. Never blocks.
     pub(crate) fn resident(&self, cache: &TileCache, leaf: Tile) -> Option<Arc<TileData>> {
-        self.best(leaf)?.lineage().find_map(|tile| match cache.get(self.id, tile) {
-            Lookup::Ready(data) => Some(data),
-            Lookup::Absent | Lookup::Pending | Lookup::Failed(_) => None,
-        })
+        self.best(leaf)?
+            .lineage()
+            .find_map(|tile| match cache.get(self.id, tile) {
+                Lookup::Ready(data) => Some(data),
+                Lookup::Absent | Lookup::Pending | Lookup::Failed(_) => None,
+            })
     }
 }
 
-/// Height ranges of one elevation layer, or of a bare ellipsoid.
-pub(crate) struct Ranges<'a>(pub(crate) Option<&'a Layer>);
+/// How deep a planet without elevation is divided for its curvature alone: at this level, with the base
+/// patches on top, a chord is less than a metre off the ellipsoid.
+const BARE_LEVEL: u8 = 6;
+
+/// What the level of detail asks of the data, answered by the indices alone.
+pub(crate) struct Ranges<'a> {
+    pub(crate) elevation: Option<&'a Layer>,
+    pub(crate) imagery: Option<&'a Layer>,
+    pub(crate) refinement: u8,
+}
 
 impl HeightRanges for Ranges<'_> {
     fn range_m(&self, tile: Tile) -> (f64, f64) {
-        let Some(layer) = self.0 else { return (0.0, 0.0) };
+        let Some(layer) = self.elevation else {
+            return (0.0, 0.0);
+        };
         // A tile may show a coarser, smoothed level, whose values mix in those of its surroundings.
         let wide = layer.best(tile).map(|best| best.parent().unwrap_or(best));
         let range = wide.and_then(|tile| layer.data.index.range(tile));
         let (lowest, highest) = range.unwrap_or((0.0, 0.0));
-        let quantum_m = layer.data.dataset.unit();
+        let unit = layer.data.dataset.unit();
         // Ground without data lies on the ellipsoid.
-        ((lowest * quantum_m).min(0.0), (highest * quantum_m).max(0.0))
+        ((lowest * unit).min(0.0), (highest * unit).max(0.0))
+    }
+
+    fn is_worth_dividing(&self, tile: Tile) -> bool {
+        let finer = |layer: &Layer| {
+            let index = &layer.data.index;
+            tile.level() < index.deepest_level()
+                && tile
+                    .children()
+                    .is_some_and(|children| children.iter().any(|c| index.contains(*c)))
+        };
+        // A patch has vertices on every node of data this many levels up.
+        let reach = (geodesy::LATTICE_BITS - 1).saturating_sub(self.refinement);
+        let meshed = self.elevation.map_or(BARE_LEVEL, |layer| {
+            layer.best(tile).map_or(BARE_LEVEL, Tile::level)
+        });
+        tile.level() < meshed + reach
+            || self.elevation.is_some_and(finer)
+            || self.imagery.is_some_and(finer)
     }
 }
 
 impl Ranges<'_> {
     /// The lowest height drawn anywhere.
     pub(crate) fn floor_m(&self) -> f64 {
-        Tile::ROOTS.iter().map(|root| self.range_m(*root).0).fold(0.0, f64::min)
+        Tile::ROOTS
+            .iter()
+            .map(|root| self.range_m(*root).0)
+            .fold(0.0, f64::min)
     }
 }

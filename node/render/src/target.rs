@@ -44,7 +44,11 @@ fn texture(
 ) -> wgpu::Texture {
     gpu.device.create_texture(&wgpu::TextureDescriptor {
         label: Some(label),
-        size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
+        size: wgpu::Extent3d {
+            width,
+            height,
+            depth_or_array_layers: 1,
+        },
         mip_level_count: 1,
         sample_count: 1,
         dimension: wgpu::TextureDimension::D2,
@@ -59,7 +63,12 @@ impl OutputTarget {
         let most = gpu.device.limits().max_texture_dimension_2d;
         let [width, height] = plan.size_px;
         if width == 0 || height == 0 || width > most || height > most {
-            return Err(RenderError::OutputTooLarge { output: plan.name.clone(), width, height, most });
+            return Err(RenderError::OutputTooLarge {
+                output: plan.name.clone(),
+                width,
+                height,
+                most,
+            });
         }
         let usage = wgpu::TextureUsages::COPY_SRC
             | wgpu::TextureUsages::COPY_DST
@@ -79,7 +88,9 @@ impl OutputTarget {
             usage: wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ,
             mapped_at_creation: false,
         });
-        let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        let mut encoder = gpu
+            .device
+            .create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         encoder.copy_texture_to_buffer(
             self.texture.as_image_copy(),
             wgpu::TexelCopyBufferInfo {
@@ -93,36 +104,58 @@ impl OutputTarget {
             self.texture.size(),
         );
         gpu.queue.submit([encoder.finish()]);
-        let failed = |reason: String| RenderError::Readback { output: name.to_owned(), reason };
+        let failed = |reason: String| RenderError::Readback {
+            output: name.to_owned(),
+            reason,
+        };
         let (sender, receiver) = std::sync::mpsc::channel();
-        buffer.slice(..).map_async(wgpu::MapMode::Read, move |result| {
-            // The receiver lives until the wait below has returned.
-            let _ = sender.send(result);
-        });
+        buffer
+            .slice(..)
+            .map_async(wgpu::MapMode::Read, move |result| {
+                // The receiver lives until the wait below has returned.
+                let _ = sender.send(result);
+            });
         gpu.wait()?;
         receiver
             .recv()
             .map_err(|error| failed(error.to_string()))?
             .map_err(|error| failed(error.to_string()))?;
-        let mapped = buffer.slice(..).get_mapped_range().map_err(|error| failed(error.to_string()))?;
+        let mapped = buffer
+            .slice(..)
+            .get_mapped_range()
+            .map_err(|error| failed(error.to_string()))?;
         let mut rgba = Vec::with_capacity((width * height * 4) as usize);
         for row in mapped.chunks(row_bytes as usize) {
             rgba.extend_from_slice(row.get(..(width * 4) as usize).unwrap_or(row));
         }
-        Ok(Picture { width, height, rgba })
+        Ok(Picture {
+            width,
+            height,
+            rgba,
+        })
     }
 }
 
 impl BlockTarget {
     /// A target of `size` pixels, without colour of its own for a `direct` output.
     pub(crate) fn new(gpu: &Gpu, size: [u32; 2], direct: bool) -> Self {
-        let view = |texture: &wgpu::Texture| texture.create_view(&wgpu::TextureViewDescriptor::default());
+        let view =
+            |texture: &wgpu::Texture| texture.create_view(&wgpu::TextureViewDescriptor::default());
         let colour = (!direct).then(|| {
             let colour = texture(gpu, "block", size, COLOUR, wgpu::TextureUsages::COPY_SRC);
             let colour_view = view(&colour);
             (colour, colour_view)
         });
-        let depth = texture(gpu, "block depth", size, DEPTH, wgpu::TextureUsages::empty());
-        Self { colour, depth: view(&depth) }
+        let depth = texture(
+            gpu,
+            "block depth",
+            size,
+            DEPTH,
+            wgpu::TextureUsages::empty(),
+        );
+        Self {
+            colour,
+            depth: view(&depth),
+        }
     }
 }

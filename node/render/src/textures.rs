@@ -66,8 +66,16 @@ impl SurfaceTextures {
                 view_formats: &[],
             })
         };
-        let imagery = texture("imagery", wgpu::TextureFormat::Rgba8Unorm, wgpu::TextureUsages::COPY_DST);
-        let relief = texture("relief", wgpu::TextureFormat::Rgba8Snorm, wgpu::TextureUsages::STORAGE_BINDING);
+        let imagery = texture(
+            "imagery",
+            wgpu::TextureFormat::Rgba8Unorm,
+            wgpu::TextureUsages::COPY_DST,
+        );
+        let relief = texture(
+            "relief",
+            wgpu::TextureFormat::Rgba8Snorm,
+            wgpu::TextureUsages::STORAGE_BINDING,
+        );
         let view = |texture: &wgpu::Texture| {
             texture.create_view(&wgpu::TextureViewDescriptor {
                 dimension: Some(wgpu::TextureViewDimension::D2Array),
@@ -80,30 +88,42 @@ impl SurfaceTextures {
             usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST,
             mapped_at_creation: false,
         });
-        let records = gpu.device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
-            label: Some("relief records"),
-            contents: &[0; RELIEF_BATCH * size_of::<ReliefRecord>()],
-            usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST,
-        });
-        let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
-            label: Some(Stage::Relief.name()),
-            source: wgpu::ShaderSource::Wgsl(Stage::Relief.source()?.into()),
-        });
-        let pipeline = gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-            label: Some("relief"),
-            layout: None,
-            module: &module,
-            entry_point: Some("main"),
-            compilation_options: wgpu::PipelineCompilationOptions::default(),
-            cache: None,
-        });
+        let records = gpu
+            .device
+            .create_buffer_init(&wgpu::util::BufferInitDescriptor {
+                label: Some("relief records"),
+                contents: &[0; RELIEF_BATCH * size_of::<ReliefRecord>()],
+                usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST,
+            });
+        let module = gpu
+            .device
+            .create_shader_module(wgpu::ShaderModuleDescriptor {
+                label: Some(Stage::Relief.name()),
+                source: wgpu::ShaderSource::Wgsl(Stage::Relief.source()?.into()),
+            });
+        let pipeline = gpu
+            .device
+            .create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+                label: Some("relief"),
+                layout: None,
+                module: &module,
+                entry_point: Some("main"),
+                compilation_options: wgpu::PipelineCompilationOptions::default(),
+                cache: None,
+            });
         let relief_view = view(&relief);
         let bindings = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
             label: Some("relief"),
             layout: &pipeline.get_bind_group_layout(0),
             entries: &[
-                wgpu::BindGroupEntry { binding: 0, resource: heights.as_entire_binding() },
-                wgpu::BindGroupEntry { binding: 1, resource: records.as_entire_binding() },
+                wgpu::BindGroupEntry {
+                    binding: 0,
+                    resource: heights.as_entire_binding(),
+                },
+                wgpu::BindGroupEntry {
+                    binding: 1,
+                    resource: records.as_entire_binding(),
+                },
                 wgpu::BindGroupEntry {
                     binding: 2,
                     resource: wgpu::BindingResource::TextureView(&relief_view),
@@ -146,7 +166,11 @@ impl SurfaceTextures {
             wgpu::TexelCopyTextureInfo {
                 texture: &self.imagery_texture,
                 mip_level: 0,
-                origin: wgpu::Origin3d { x: 0, y: 0, z: layer },
+                origin: wgpu::Origin3d {
+                    x: 0,
+                    y: 0,
+                    z: layer,
+                },
                 aspect: wgpu::TextureAspect::All,
             },
             texels,
@@ -155,7 +179,11 @@ impl SurfaceTextures {
                 bytes_per_row: Some(LAYER_SIDE * 4),
                 rows_per_image: Some(LAYER_SIDE),
             },
-            wgpu::Extent3d { width: LAYER_SIDE, height: LAYER_SIDE, depth_or_array_layers: 1 },
+            wgpu::Extent3d {
+                width: LAYER_SIDE,
+                height: LAYER_SIDE,
+                depth_or_array_layers: 1,
+            },
         );
     }
 
@@ -167,13 +195,23 @@ impl SurfaceTextures {
         }
         for (index, job) in jobs.iter().enumerate() {
             let first = index * HEIGHT_WORDS;
-            let record = relief_record(ellipsoid, job.data.tile, job.quantum_m, job.layer, first as u32);
+            let record = relief_record(
+                ellipsoid,
+                job.data.tile,
+                job.quantum_m,
+                job.layer,
+                first as u32,
+            );
             let heights = relief_heights(job.data);
-            gpu.queue.write_buffer(&self.heights, (first * 4) as u64, cast_slice(&heights));
+            gpu.queue
+                .write_buffer(&self.heights, (first * 4) as u64, cast_slice(&heights));
             let offset = index * size_of::<ReliefRecord>();
-            gpu.queue.write_buffer(&self.records, offset as u64, bytes_of(&record));
+            gpu.queue
+                .write_buffer(&self.records, offset as u64, bytes_of(&record));
         }
-        let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        let mut encoder = gpu
+            .device
+            .create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         {
             let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
             pass.set_pipeline(&self.pipeline);
@@ -195,7 +233,10 @@ pub(crate) fn relief_record(
 ) -> ReliefRecord {
     let tiles = f64::from(1_u32 << tile.level());
     ReliefRecord {
-        origin: [scalar_f32(f64::from(tile.x()) / tiles), scalar_f32(f64::from(tile.y()) / tiles)],
+        origin: [
+            scalar_f32(f64::from(tile.x()) / tiles),
+            scalar_f32(f64::from(tile.y()) / tiles),
+        ],
         step: scalar_f32(1.0 / (tiles * geodesy::CELLS as f64)),
         quantum_m: scalar_f32(quantum_m),
         radius_m: scalar_f32(0.5 * (ellipsoid.semi_major_m + ellipsoid.semi_minor_m)),

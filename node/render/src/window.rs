@@ -29,9 +29,14 @@ impl WindowSurface {
         size: [u32; 2],
     ) -> Result<Self, RenderError> {
         let gpu = renderer.gpu();
-        let refuse = |reason: String| RenderError::Window { output: output.to_owned(), reason };
-        let surface =
-            gpu.instance.create_surface(window).map_err(|error| refuse(error.to_string()))?;
+        let refuse = |reason: String| RenderError::Window {
+            output: output.to_owned(),
+            reason,
+        };
+        let surface = gpu
+            .instance
+            .create_surface(window)
+            .map_err(|error| refuse(error.to_string()))?;
         let capabilities = surface.get_capabilities(&gpu.adapter);
         // Outputs hold gamma-encoded bytes already: the surface must not encode them again.
         let format = capabilities
@@ -63,7 +68,15 @@ impl WindowSurface {
                 resource: wgpu::BindingResource::TextureView(view),
             }],
         });
-        Ok(Self { output: output.to_owned(), index, surface, config, pipeline, bindings, acquired: None })
+        Ok(Self {
+            output: output.to_owned(),
+            index,
+            surface,
+            config,
+            pipeline,
+            bindings,
+            acquired: None,
+        })
     }
 
     /// Index of the output that the window shows.
@@ -99,8 +112,12 @@ impl WindowSurface {
                 });
             }
         };
-        let view = texture.texture.create_view(&wgpu::TextureViewDescriptor::default());
-        let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        let view = texture
+            .texture
+            .create_view(&wgpu::TextureViewDescriptor::default());
+        let mut encoder = gpu
+            .device
+            .create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         {
             let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
                 label: Some("window"),
@@ -133,30 +150,37 @@ impl WindowSurface {
     }
 }
 
-fn copy_pipeline(gpu: &Gpu, format: wgpu::TextureFormat) -> Result<wgpu::RenderPipeline, RenderError> {
-    let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
-        label: Some(Stage::Copy.name()),
-        source: wgpu::ShaderSource::Wgsl(Stage::Copy.source()?.into()),
-    });
-    Ok(gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
-        label: Some(Stage::Copy.name()),
-        layout: None,
-        vertex: wgpu::VertexState {
-            module: &module,
-            entry_point: Some("vertex_main"),
-            compilation_options: wgpu::PipelineCompilationOptions::default(),
-            buffers: &[],
-        },
-        primitive: wgpu::PrimitiveState::default(),
-        depth_stencil: None,
-        multisample: wgpu::MultisampleState::default(),
-        fragment: Some(wgpu::FragmentState {
-            module: &module,
-            entry_point: Some("fragment_main"),
-            compilation_options: wgpu::PipelineCompilationOptions::default(),
-            targets: &[Some(format.into())],
-        }),
-        multiview_mask: None,
-        cache: None,
-    }))
+fn copy_pipeline(
+    gpu: &Gpu,
+    format: wgpu::TextureFormat,
+) -> Result<wgpu::RenderPipeline, RenderError> {
+    let module = gpu
+        .device
+        .create_shader_module(wgpu::ShaderModuleDescriptor {
+            label: Some(Stage::Copy.name()),
+            source: wgpu::ShaderSource::Wgsl(Stage::Copy.source()?.into()),
+        });
+    Ok(gpu
+        .device
+        .create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+            label: Some(Stage::Copy.name()),
+            layout: None,
+            vertex: wgpu::VertexState {
+                module: &module,
+                entry_point: Some("vertex_main"),
+                compilation_options: wgpu::PipelineCompilationOptions::default(),
+                buffers: &[],
+            },
+            primitive: wgpu::PrimitiveState::default(),
+            depth_stencil: None,
+            multisample: wgpu::MultisampleState::default(),
+            fragment: Some(wgpu::FragmentState {
+                module: &module,
+                entry_point: Some("fragment_main"),
+                compilation_options: wgpu::PipelineCompilationOptions::default(),
+                targets: &[Some(format.into())],
+            }),
+            multiview_mask: None,
+            cache: None,
+        }))
 }

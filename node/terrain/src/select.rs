@@ -46,6 +46,12 @@ pub trait HeightRanges {
     /// may be a hole. The answer must be the same on every node and may not depend on what is loaded.
     /// A range that is too wide costs tiles; one that is too narrow may cull what is visible.
     fn range_m(&self, tile: Tile) -> (f64, f64);
+
+    /// Whether the children of `tile` could show anything that it cannot: finer data, or data that its
+    /// own patch is too coarse for. Bound by the same rule: the same answer on every node.
+    fn is_worth_dividing(&self, _tile: Tile) -> bool {
+        true
+    }
 }
 
 impl<F: Fn(Tile) -> (f64, f64)> HeightRanges for F {
@@ -76,7 +82,7 @@ pub struct Selection {
 }
 
 /// Selects the leaves for a view. The result is the smallest restricted quadtree in which no leaf
-/// above `deepest_level` covers more than `tile_px`² pixels; it does not depend on the order of work.
+/// above `deepest_level` that is worth dividing covers more than `tile_px`² pixels; it does not depend on the order of work.
 ///
 /// A tile's pixels are the solid angle of the convex hull of [`TileHull::corners`] times
 /// `pixels_per_radian`². If there are more than `most_tiles` leaves, `tile_px` grows by factors of √2;
@@ -106,6 +112,9 @@ pub fn select(
             },
         );
         let wanted = |tile: Tile| {
+            if !ranges.is_worth_dividing(tile) {
+                return false;
+            }
             let (lowest_m, highest_m) = ranges.range_m(tile);
             criterion.exceeded_by(&TileHull::new(ellipsoid, tile, lowest_m, highest_m).corners)
         };
