@@ -23,7 +23,10 @@ pub enum ResolveError {
 const SHARED: [(&str, &str); 3] = [
     ("cube", include_str!("../wgsl/shared/cube.wgsl")),
     ("frame", include_str!("../wgsl/shared/frame.wgsl")),
-    ("fixed_point", include_str!("../wgsl/shared/fixed_point.wgsl")),
+    (
+        "fixed_point",
+        include_str!("../wgsl/shared/fixed_point.wgsl"),
+    ),
 ];
 
 /// Writes out the imports of `text`. Shared modules import nothing themselves.
@@ -68,7 +71,12 @@ mod tests {
 
     #[test]
     fn an_unknown_import_is_named() {
-        let error = resolve("draw/x", "\n#import shared::nothing").unwrap_err().to_string();
-        assert!(error.contains("draw/x, line 2") && error.contains("nothing"), "{error}");
+        let error = resolve("draw/x", "\n#import shared::nothing")
+            .unwrap_err()
+            .to_string();
+        assert!(
+            error.contains("draw/x, line 2") && error.contains("nothing"),
+            "{error}"
+        );
     }
 }

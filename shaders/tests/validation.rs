@@ -26,13 +26,20 @@ fn every_file_is_listed_and_opens_with_its_duty() {
         for file in std::fs::read_dir(folder.unwrap().path()).unwrap() {
             let path = file.unwrap().path();
             let text = std::fs::read_to_string(&path).unwrap();
-            assert!(text.starts_with("// "), "{} does not say its duty", path.display());
+            assert!(
+                text.starts_with("// "),
+                "{} does not say its duty",
+                path.display()
+            );
             let name = path.strip_prefix(&root).unwrap().with_extension("");
             found.push(name.to_string_lossy().into_owned());
         }
     }
     for name in found.iter().filter(|name| !name.starts_with("shared/")) {
-        assert!(Stage::ALL.iter().any(|stage| stage.name() == name), "{name} is not in Stage::ALL");
+        assert!(
+            Stage::ALL.iter().any(|stage| stage.name() == name),
+            "{name} is not in Stage::ALL"
+        );
     }
 }
 
@@ -48,6 +55,11 @@ fn every_compute_stage_has_a_twin() {
 #[test]
 fn compute_stages_are_exactly_those_with_compute_entry_points() {
     for stage in Stage::ALL {
-        assert_eq!(stage.source().unwrap().contains("@compute"), stage.is_compute(), "{}", stage.name());
+        assert_eq!(
+            stage.source().unwrap().contains("@compute"),
+            stage.is_compute(),
+            "{}",
+            stage.name()
+        );
     }
 }

@@ -1,6 +1,10 @@
 //! No gap on any shared edge: the whole planet, as the five verification scenes select and mesh it on the
 //! demo wall from real data, is one closed surface. Every edge of every leaf is walked, cube corners too.
-#![allow(clippy::unwrap_used, clippy::expect_used, reason = "a test that panics has failed")]
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    reason = "a test that panics has failed"
+)]
 
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -39,7 +43,10 @@ fn the_surface_of_every_verification_scene_is_closed() {
             eye: DVec3::from(pose.position_m),
             pixels_per_radian: wall.pixels_per_radian(),
         };
-        let limits = LodLimits { deepest_level: index.deepest_level(), ..LodLimits::default() };
+        let limits = LodLimits {
+            deepest_level: index.deepest_level(),
+            ..LodLimits::default()
+        };
         let unit = elevation.dataset().unit();
         let range = |tile: Tile| {
             let (lowest, highest) = index.range(tile).unwrap_or_default();
@@ -49,7 +56,10 @@ fn the_surface_of_every_verification_scene_is_closed() {
         let best = |leaf: Tile| index.best(leaf);
         for tile in selection.leaves().iter().filter_map(|leaf| best(*leaf)) {
             loaded.entry(tile).or_insert_with(|| {
-                let bytes = elevation.read(tile).unwrap().expect("the index tells the truth");
+                let bytes = elevation
+                    .read(tile)
+                    .unwrap()
+                    .expect("the index tells the truth");
                 Heights(Arc::new(TileData::decode_tile(&bytes, tile).unwrap()))
             });
         }
@@ -59,9 +69,24 @@ fn the_surface_of_every_verification_scene_is_closed() {
         let mut mixed = 0;
         for leaf in selection.leaves() {
             let seams = terrain::seams(*leaf, &selection, &|leaf| best(leaf).map(Tile::level));
-            mixed += usize::from(seams.levels.corners.iter().any(|c| *c != seams.levels.inside));
+            mixed += usize::from(
+                seams
+                    .levels
+                    .corners
+                    .iter()
+                    .any(|c| *c != seams.levels.inside),
+            );
             let mut vertices = Vec::new();
-            terrain::build(&scene.planet, *leaf, &seams.levels, &patch, unit, &data, &mut vertices).unwrap();
+            terrain::build(
+                &scene.planet,
+                *leaf,
+                &seams.levels,
+                &patch,
+                unit,
+                &data,
+                &mut vertices,
+            )
+            .unwrap();
             walker.add(&vertices, &patch.indices[usize::from(seams.variant)]);
         }
         let walk = walker.finish();

@@ -13,7 +13,10 @@ const BORDER: i64 = 9;
 pub fn run(tile: &ReliefRecord, heights: &[i32]) -> Vec<[i8; 4]> {
     let height = |i: i64, j: i64| {
         let offset = (j + BORDER) as usize * STORED + (i + BORDER) as usize;
-        heights.get(tile.first as usize + offset).copied().unwrap_or(INVALID_HEIGHT)
+        heights
+            .get(tile.first as usize + offset)
+            .copied()
+            .unwrap_or(INVALID_HEIGHT)
     };
     let mut texels = Vec::with_capacity(OUT_NODES * OUT_NODES);
     for j in -1..OUT_NODES as i64 - 1 {
@@ -40,9 +43,8 @@ fn normal(tile: &ReliefRecord, s: f32, t: f32, rise_u: f32, rise_v: f32) -> [f32
     let length_u = (1.0 - along_u * along_u).sqrt();
     let a = per_u * length_u;
     let b = per_v * (-along_u * along_v) / length_u;
-    let rest = 1.0
-        - along_v * along_v
-        - along_u * along_u * along_v * along_v / (length_u * length_u);
+    let rest =
+        1.0 - along_v * along_v - along_u * along_u * along_v * along_v / (length_u * length_u);
     let c = per_v * rest.max(0.0).sqrt();
     let (x, y, z) = (-rise_u * c, rise_u * b - rise_v * a, a * c);
     let length = (x * x + y * y + z * z).sqrt();
@@ -113,7 +115,11 @@ mod tests {
         let texels = run(&tile, &heights);
         let expected = -(rise as f32 * tile.quantum_m / node_m).atan().sin();
         let [x0, y0, x1, y1] = texels[130 * OUT_NODES + 2];
-        assert!((join(x0, x1) - expected).abs() < 2e-3, "{} {expected}", join(x0, x1));
+        assert!(
+            (join(x0, x1) - expected).abs() < 2e-3,
+            "{} {expected}",
+            join(x0, x1)
+        );
         assert!(join(y0, y1).abs() < 1e-3);
     }
 

@@ -1,0 +1,148 @@
+//! The capture at the end of a run: waits until every node has drawn everything, then takes the pictures.
+//! In: what nodes say about held frames, captured pictures. Out: when to ask for pictures, and the pictures,
+//! or who is still waited for and for what. It reads no clock and sends nothing.
+
+use protocol::Wall;
+use protocol::barrier::NodeId;
+use protocol::capture::CapturedPicture;
+use protocol::membership::NodeRecord;
+
+/// The pixels of one output.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct CapturedOutput {
+    /// Name of the host.
+    pub host: String,
+    /// Index into the wall's hosts.
+    pub host_index: usize,
+    /// Name of the output.
+    pub output: String,
+    /// Index into the host's outputs.
+    pub output_index: usize,
+    /// Width in pixels.
+    pub width: u32,
+    /// Height in pixels.
+    pub height: u32,
+    /// width × height × 4 bytes, top row first: red, green, blue, alpha.
+    pub rgba: Vec<u8>,
+}
+
+#[derive(Clone, Debug, Default)]
+struct NodeState {
+    /// What it said of the newest held frame: whether nothing was missing, and how many tiles were.
+    said: Option<(bool, u32)>,
+    pictures: Option<Vec<CapturedPicture>>,
+}
+
+/// The state of a capture.
+#[derive(Clone, Debug)]
+pub(crate) struct Capture {
+    first_frame: u64,
+    nodes: Vec<NodeState>,
+    asked: bool,
+}
+
+impl Capture {
+    /// The number by which nodes are asked. There is one capture in a run.
+    pub(crate) const ID: u32 = 1;
+
+    /// The camera holds still from frame `first_frame` on.
+    pub(crate) fn new(wall: &Wall, first_frame: u64) -> Self {
+        let nodes = vec![NodeState::default(); wall.hosts.len()];
+        Self {
+            first_frame,
+            nodes,
+            asked: false,
+        }
+    }
+
+    /// A node has drawn a frame.
+    pub(crate) fn ready(&mut self, node: NodeId, frame: u64, converged: bool, pending: u32) {
+        if let Some(state) = self.nodes.get_mut(node)
+            && frame >= self.first_frame
+        {
+            state.said = Some((converged, pending));
+        }
+    }
+
+    /// A node is gone: what it said counts no longer, and its pictures must come from its successor.
+    pub(crate) fn lost(&mut self, node: NodeId) {
+        if let Some(state) = self.nodes.get_mut(node)
+            && state.pictures.is_none()
+        {
+            state.said = None;
+            // The successor draws the held frame first; all are asked again.
+            self.asked = false;
+        }
+    }
+
+    /// True once: when all nodes have converged and are to be asked for their pictures.
+    pub(crate) fn ask_now(&mut self) -> bool {
+        let converged = |state: &NodeState| matches!(state.said, Some((true, _)));
+        let ask = !self.asked && self.nodes.iter().all(converged);
+        self.asked |= ask;
+        ask
+    }
+
+    /// Whether pictures are on their way, during which no frames are begun.
+    pub(crate) fn is_asked(&self) -> bool {
+        self.asked
+    }
+
+    /// A node's pictures have arrived.
+    pub(crate) fn pictures(&mut self, node: NodeId, pictures: Vec<CapturedPicture>) {
+        if let Some(state) = self.nodes.get_mut(node) {
+            state.pictures = Some(pictures);
+        }
+    }
+
+    /// Whether all pictures are there.
+    pub(crate) fn is_complete(&self) -> bool {
+        self.nodes.iter().all(|state| state.pictures.is_some())
+    }
+
+    /// Whom the capture waits for and why, one sentence a node.
+    pub(crate) fn waits_for(&self, records: &[NodeRecord]) -> Vec<String> {
+        let waiting = records
+            .iter()
+            .zip(&self.nodes)
+            .filter(|(_, state)| state.pictures.is_none());
+        waiting
+            .filter_map(|(record, state)| {
+                let name = &record.name;
+                Some(match state.said {
+                    _ if !record.connected => format!("node \"{name}\" is not connected"),
+                    None => format!("node \"{name}\" has not drawn the last frame"),
+                    Some((false, 0)) => format!("node \"{name}\" has not finished its picture"),
+                    Some((false, tiles)) => format!("node \"{name}\" waits for {tiles} tiles"),
+                    Some((true, _)) if self.asked => {
+                        format!("node \"{name}\" has not sent its pictures")
+                    }
+                    Some((true, _)) => return None,
+                })
+            })
+            .collect()
+    }
+
+    /// The pictures of all outputs, in the wall's order.
+    pub(crate) fn into_outputs(self, wall: &Wall) -> Vec<CapturedOutput> {
+        let mut outputs = Vec::new();
+        for ((host_index, host), state) in wall.hosts.iter().enumerate().zip(self.nodes) {
+            for picture in state.pictures.unwrap_or_default() {
+                let name = host
+                    .outputs
+                    .get(picture.output)
+                    .map(|output| output.name.clone());
+                outputs.push(CapturedOutput {
+                    host: host.name.clone(),
+                    host_index,
+                    output: name.unwrap_or_default(),
+                    output_index: picture.output,
+                    width: picture.width,
+                    height: picture.height,
+                    rgba: picture.rgba,
+                });
+            }
+        }
+        outputs
+    }
+}

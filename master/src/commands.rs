@@ -1,0 +1,36 @@
+//! The commands of `terrawall`: each takes its arguments and returns an outcome.
+
+mod bench;
+mod bench_frame;
+mod bench_import;
+mod bench_starts;
+mod check;
+mod files;
+mod identity;
+mod import;
+mod inspect;
+mod local;
+mod node;
+mod notices;
+mod pictures;
+mod show;
+mod synthetic;
+mod verify;
+
+use crate::args::Command;
+use crate::failure::Failure;
+
+/// Does what was asked for.
+pub(crate) fn run(command: Command) -> Result<(), Failure> {
+    match command {
+        Command::Up(args) => show::up(&args),
+        Command::Master(args) => show::master(&args),
+        Command::Node(args) => node::run(args),
+        Command::Import(args) => import::run(args),
+        Command::Check(args) => check::run(&args),
+        Command::Verify(args) => verify::run(&args),
+        Command::Inspect(args) => inspect::run(&args),
+        Command::Bench(args) => bench::run(args),
+        Command::Identity(args) => identity::run(args),
+    }
+}

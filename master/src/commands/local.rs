@@ -1,0 +1,156 @@
+//! A wall whose nodes are all processes of this machine, from start to end.
+//!
+//! In: a wall, a scene, what is asked of the run. Out: the master's outcome. Whatever happens, no process and no
+//! identity is left: children end with this process, the identity with the run.
+
+use std::net::{Ipv4Addr, SocketAddr};
+use std::path::PathBuf;
+use std::time::Duration;
+
+use anyhow::Context as _;
+use link::Identity;
+use master::launch::{Children, Ended, NodeLaunch};
+use master::{Master, MasterOptions, MasterOutcome, Notice};
+use protocol::{Scene, Wall};
+
+use crate::failure::Failure;
+use crate::interrupt;
+
+use super::notices::Teller;
+
+/// How long nodes may take to leave when the run is over.
+const LEAVE: Duration = Duration::from_secs(5);
+/// How often children and Ctrl-C are looked at.
+const LOOK: Duration = Duration::from_millis(50);
+
+/// What is asked of a run.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Run {
+    /// Without windows.
+    pub(crate) headless: bool,
+    /// Frames a second; none: the wall's.
+    pub(crate) fps: Option<f64>,
+    /// Frames; none: until Ctrl-C.
+    pub(crate) frames: Option<u64>,
+    /// Pictures at the end.
+    pub(crate) capture: bool,
+}
+
+/// Runs a wall: this process is the master, and every host becomes a process `terrawall node`.
+pub(crate) fn run(wall: &Wall, scene: &Scene, run: Run) -> Result<MasterOutcome, Failure> {
+    check_repositories(scene)?;
+    let program = std::env::current_exe().context("cannot find this program")?;
+    let folder = tempfile::Builder::new()
+        .prefix("terrawall-")
+        .tempdir()
+        .context("cannot make a temporary folder for the identity")?;
+    let identity_folder = folder.path().join("identity");
+    let identity = Identity::create(&identity_folder)?;
+    let bind = SocketAddr::from((Ipv4Addr::LOCALHOST, 0));
+    let mut options = MasterOptions::new(wall.clone(), scene.clone(), identity, bind);
+    options.fps = run.fps;
+    options.frames = run.frames;
+    options.capture = run.capture;
+    let master = Master::start(options)?;
+    let mut children = Children::new();
+    for host in &wall.hosts {
+        children.start(&NodeLaunch {
+            program: program.clone(),
+            master: master.address(),
+            name: host.name.clone(),
+            identity: identity_folder.clone(),
+            headless: run.headless,
+            arguments: Vec::new(),
+            environment: environment(wall.hosts.len()),
+        })?;
+    }
+    let watched = watch(&master, &mut children, run.frames);
+    // A run that failed early is stopped; one that is over does not hear it.
+    if watched.is_err() {
+        master.stop();
+    }
+    let outcome = master.finish();
+    let mut dead = children.finish(LEAVE);
+    dead.retain(|ended| !ended.status.success());
+    let mut dead_before = watched?;
+    dead_before.append(&mut dead);
+    match (outcome, dead_before.first()) {
+        (Ok(outcome), None) => Ok(outcome),
+        (Ok(outcome), Some(first)) if outcome.stopped => {
+            tracing::warn!("{first}");
+            Ok(outcome)
+        }
+        (Ok(_), Some(first)) => Err(Failure::failed(format!(
+            "the wall went on without some nodes: {first}"
+        ))),
+        (Err(error), None) => Err(error.into()),
+        (Err(error), Some(first)) => Err(Failure::failed(format!("{error}; {first}"))),
+    }
+}
+
+/// Watches a run to its end. Returns the children that died after the wall had started.
+fn watch(
+    master: &Master,
+    children: &mut Children,
+    frames: Option<u64>,
+) -> Result<Vec<Ended>, Failure> {
+    let mut teller = Teller::new(frames);
+    let mut dead = Vec::new();
+    let (mut started, mut stopping) = (false, false);
+    while !master.is_over() {
+        if interrupt::requested() && !stopping {
+            stopping = true;
+            master.stop();
+        }
+        if let Some(notice) = master.next_notice(LOOK) {
+            started |= matches!(notice, Notice::Started { .. });
+            if let Notice::Fault { node, message } = &notice
+                && !started
+            {
+                return Err(Failure::failed(format!(
+                    "node \"{node}\" cannot show the scene: {message}"
+                )));
+            }
+            teller.tell(&notice);
+        }
+        for ended in children.ended() {
+            if stopping || ended.status.success() {
+                continue;
+            }
+            if !started {
+                return Err(Failure::failed(ended));
+            }
+            teller.say(&format!("{ended}; the wall goes on without it"));
+            dead.push(ended);
+        }
+        if children.is_empty() && !stopping {
+            // Every window was closed, or every node has died: there is nobody left to show anything.
+            stopping = true;
+            master.stop();
+        }
+    }
+    Ok(dead)
+}
+
+/// A software driver starts as many threads as there are cores, in every node: together they would only take the
+/// cores from each other. Other drivers do not know the variable.
+fn environment(nodes: usize) -> Vec<(std::ffi::OsString, std::ffi::OsString)> {
+    const THREADS: &str = "LP_NUM_THREADS";
+    if std::env::var_os(THREADS).is_some() {
+        return Vec::new();
+    }
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    vec![(
+        THREADS.into(),
+        (cores / nodes.max(1)).max(1).to_string().into(),
+    )]
+}
+
+/// On this machine all repositories can be looked at before anything starts.
+fn check_repositories(scene: &Scene) -> Result<(), Failure> {
+    for layer in &scene.layers {
+        import::Dataset::load(&PathBuf::from(&layer.repository))
+            .with_context(|| format!("layer \"{}\"", layer.name))?;
+    }
+    Ok(())
+}

@@ -1,0 +1,118 @@
+//! `terrawall up` and `terrawall master`: a wall shows a scene.
+//!
+//! In: wall and scene files, what is asked of the run. Out: a wall in step; at the end pictures and a report.
+
+use std::time::Duration;
+
+use link::Identity;
+use master::{Master as RunningMaster, MasterOptions, MasterOutcome};
+use protocol::Wall;
+
+use crate::args::{Master, Show, Up};
+use crate::failure::{Failure, OrConfiguration as _};
+use crate::{interrupt, output};
+
+use super::notices::Teller;
+use super::{files, local, pictures};
+
+/// How often Ctrl-C is looked at.
+const LOOK: Duration = Duration::from_millis(100);
+
+/// Runs a whole wall on this machine.
+pub(crate) fn up(args: &Up) -> Result<(), Failure> {
+    let show = &args.show;
+    let (mut wall, scene) = (files::wall(&show.wall)?, files::scene(&show.scene)?);
+    let windows = wall
+        .hosts
+        .iter()
+        .flat_map(|host| &host.outputs)
+        .any(|output| output.window.is_some());
+    let headless = show.headless || !windows || !node::display_available();
+    if headless && !show.headless && windows {
+        eprintln!("terrawall: there is no display (DISPLAY is not set): rendering headless");
+    }
+    if headless {
+        close_windows(&mut wall);
+    }
+    let run = local::Run {
+        headless,
+        fps: show.fps,
+        frames: show.frames,
+        capture: show.capture.is_some(),
+    };
+    let outcome = local::run(&wall, &scene, run)?;
+    finish(show, &wall, &outcome)
+}
+
+/// Runs the master of a wall whose nodes are started on their hosts.
+pub(crate) fn master(args: &Master) -> Result<(), Failure> {
+    let show = &args.show;
+    let (mut wall, scene) = (files::wall(&show.wall)?, files::scene(&show.scene)?);
+    let identity = Identity::load(&args.identity).or_configuration()?;
+    if show.headless {
+        close_windows(&mut wall);
+    }
+    let mut options = MasterOptions::new(wall.clone(), scene, identity, args.listen);
+    options.fps = show.fps;
+    options.frames = show.frames;
+    options.capture = show.capture.is_some();
+    options.start_after = Some(Duration::from_secs_f64(args.wait));
+    options.start_timeout = None;
+    let master = RunningMaster::start(options)?;
+    eprintln!(
+        "terrawall: the master of \"{}\" listens at {}",
+        wall.name,
+        master.address()
+    );
+    let mut teller = Teller::new(show.frames);
+    let mut stopping = false;
+    while !master.is_over() {
+        if interrupt::requested() && !stopping {
+            stopping = true;
+            master.stop();
+        }
+        if let Some(notice) = master.next_notice(LOOK) {
+            teller.tell(&notice);
+        }
+    }
+    drop(teller);
+    finish(show, &wall, &master.finish()?)
+}
+
+/// The same wall without windows.
+fn close_windows(wall: &mut Wall) {
+    for output in wall.hosts.iter_mut().flat_map(|host| &mut host.outputs) {
+        output.window = None;
+    }
+}
+
+/// Writes what was asked for.
+fn finish(show: &Show, wall: &Wall, outcome: &MasterOutcome) -> Result<(), Failure> {
+    if let Some(path) = &show.report {
+        output::json_file(path, &outcome.report)?;
+    }
+    if let Some(directory) = show.capture.as_ref().filter(|_| !outcome.stopped) {
+        pictures::write(directory, wall, &outcome.captures)?;
+    }
+    if show.json {
+        output::json(&outcome.report)?;
+    } else {
+        let report = &outcome.report;
+        output::line(format!(
+            "{} frames at {:.1} a second; skew p50 {:.2} ms, p99 {:.2} ms; {}",
+            report.frames,
+            report.fps,
+            report.skew_us.p50 / 1e3,
+            report.skew_us.p99 / 1e3,
+            if report.converged {
+                "the picture has converged"
+            } else {
+                "the picture was still being refined"
+            }
+        ))?;
+    }
+    if outcome.stopped && (show.frames.is_some() || show.capture.is_some()) {
+        return Err(Failure::failed("the run was stopped before its end"));
+    }
+    Ok(())
+}

@@ -1,0 +1,152 @@
+//! `terrawall verify WALL`: is the tiled wall, pixel for pixel, one picture?
+//!
+//! In: a wall and a scene whose camera is held. Out: how many pixels differ. Both pictures come from real node
+//! processes, started as `up` starts them.
+
+use anyhow::Context as _;
+use image::GrayImage;
+use protocol::{Camera, Scene, Wall};
+use serde::Serialize;
+
+use crate::args::Verify;
+use crate::compare::{Comparison, compare};
+use crate::failure::Failure;
+use crate::output;
+
+use super::{files, local, pictures};
+
+/// What was found.
+#[derive(Debug, Serialize)]
+struct Findings {
+    wall: String,
+    scene: String,
+    #[serde(flatten)]
+    comparison: Comparison,
+    /// Pixels of the canvas that no output shows; they are not compared.
+    hidden: u64,
+}
+
+/// Verifies a wall.
+pub(crate) fn run(args: &Verify) -> Result<(), Failure> {
+    let (wall, mut scene) = (files::wall(&args.wall)?, files::scene(&args.scene)?);
+    hold(&mut scene);
+    let tiled = picture(&wall, &scene)
+        .context("the tiled wall")
+        .map_err(Failure::Failed)?;
+    let single = picture(&wall.single(), &scene)
+        .context("the single picture")
+        .map_err(Failure::Failed)?;
+    let mut comparison = Comparison::default();
+    let mut differences: Vec<GrayImage> = Vec::new();
+    let mut hidden = 0;
+    for (index, (tiled, single)) in tiled.screens.iter().zip(&single.screens).enumerate() {
+        let mut single = single.clone();
+        hidden += hide(&wall, index, &mut single);
+        let (found, difference) = compare(tiled, &single);
+        comparison = comparison.and(found);
+        differences.push(difference);
+    }
+    comparison.pixels -= hidden;
+    let findings = Findings {
+        wall: args.wall.display().to_string(),
+        scene: args.scene.display().to_string(),
+        comparison,
+        hidden,
+    };
+    if let Some(path) = &args.report {
+        output::json_file(path, &findings)?;
+    }
+    if let Some(path) = &args.difference {
+        pictures::grey_png(path, stack(&differences))?;
+    }
+    if let Some(directory) = &args.keep {
+        pictures::write(&directory.join("tiled"), &wall, &tiled.outputs)?;
+        pictures::write(&directory.join("single"), &wall.single(), &single.outputs)?;
+    }
+    if args.json {
+        output::json(&findings)?;
+    } else {
+        output::line(format!(
+            "{} of {} pixels differ, by at most {} of 255",
+            comparison.differing, comparison.pixels, comparison.max_channel_difference
+        ))?;
+    }
+    if comparison.differing > 0 {
+        return Err(Failure::failed(format!(
+            "the tiled wall is not the single picture: {} of {} pixels differ",
+            comparison.differing, comparison.pixels
+        )));
+    }
+    Ok(())
+}
+
+/// What a run has shown.
+struct Shown {
+    outputs: Vec<master::CapturedOutput>,
+    screens: Vec<image::RgbaImage>,
+}
+
+/// Holds the camera where it begins.
+fn hold(scene: &mut Scene) {
+    let place = match &scene.camera {
+        Camera::Fixed(place) => Some(*place),
+        Camera::Orbit(orbit) => Some(orbit.place),
+        Camera::Path(path) => path.keyframes.first().map(|keyframe| keyframe.place),
+    };
+    if let Some(place) = place {
+        scene.camera = Camera::Fixed(place);
+    }
+}
+
+/// Renders a wall by node processes.
+fn picture(wall: &Wall, scene: &Scene) -> Result<Shown, anyhow::Error> {
+    let run = local::Run {
+        headless: true,
+        fps: None,
+        frames: Some(1),
+        capture: true,
+    };
+    let outcome = local::run(wall, scene, run).map_err(Failure::into_error)?;
+    if outcome.stopped {
+        anyhow::bail!("interrupted");
+    }
+    let screens = pictures::compose(wall, &outcome.captures).map_err(Failure::into_error)?;
+    Ok(Shown {
+        outputs: outcome.captures,
+        screens,
+    })
+}
+
+/// Blackens what no output of the wall shows, as behind bezels. Returns how many pixels those are.
+fn hide(wall: &Wall, screen: usize, picture: &mut image::RgbaImage) -> u64 {
+    let pieces: Vec<_> = wall
+        .canvas_layout()
+        .into_iter()
+        .filter(|piece| piece.screen == screen)
+        .collect();
+    let mut hidden = 0;
+    for (x, y, pixel) in picture.enumerate_pixels_mut() {
+        let shown = pieces.iter().any(|piece| {
+            let rect = piece.canvas_px;
+            (rect.x..rect.right()).contains(&x) && (rect.y..rect.bottom()).contains(&y)
+        });
+        if !shown {
+            *pixel = image::Rgba([0, 0, 0, 255]);
+            hidden += 1;
+        }
+    }
+    hidden
+}
+
+/// Pictures of differences, one below the other.
+fn stack(pictures: &[GrayImage]) -> GrayImage {
+    let width = pictures.iter().map(GrayImage::width).max().unwrap_or(1);
+    let height = pictures.iter().map(GrayImage::height).sum();
+    let mut all = GrayImage::new(width, height);
+    let mut top = 0;
+    for picture in pictures {
+        image::imageops::replace(&mut all, picture, 0, i64::from(top));
+        top += picture.height();
+    }
+    all
+}

@@ -1,0 +1,66 @@
+//! What the network tells the frame loop. In: events from tasks of connections. Out: one bounded queue.
+
+use std::net::SocketAddr;
+use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
+
+use protocol::ToMaster;
+use protocol::capture::CapturedPicture;
+use protocol::message::Hello;
+
+use crate::session::NodeLink;
+
+/// Number of a connection, never used again within a run.
+pub(crate) type ConnectionId = u64;
+
+/// Events that may wait for the frame loop: seconds of a whole wall's talk.
+const LONGEST_QUEUE: usize = 16_384;
+
+/// Something happened on the network.
+#[derive(Debug)]
+pub(crate) enum Event {
+    /// A member of the cluster introduces itself and waits for an answer.
+    Hello {
+        id: ConnectionId,
+        address: SocketAddr,
+        hello: Hello,
+        link: NodeLink,
+    },
+    /// A node says something, read at this moment of the master's clock.
+    Said {
+        id: ConnectionId,
+        at_us: i64,
+        message: ToMaster,
+    },
+    /// A node's pictures are complete, or will not be.
+    Captured {
+        id: ConnectionId,
+        result: Result<Vec<CapturedPicture>, String>,
+    },
+    /// A connection that had introduced itself is over.
+    Gone { id: ConnectionId, reason: String },
+    /// Somebody did not get as far as a hello.
+    Stranger { address: SocketAddr, reason: String },
+    /// Show another scene.
+    SetScene(Box<protocol::Scene>),
+    /// The operator wants the run to end.
+    Stop,
+}
+
+/// The network's end of the queue.
+#[derive(Clone)]
+pub(crate) struct EventSender(SyncSender<Event>);
+
+impl EventSender {
+    /// Queues an event. If the frame loop is that far behind, the event is lost like a datagram.
+    pub(crate) fn send(&self, event: Event) {
+        if let Err(TrySendError::Full(event)) = self.0.try_send(event) {
+            tracing::warn!(?event, "the frame loop is too far behind to hear this");
+        }
+    }
+}
+
+/// A new queue.
+pub(crate) fn queue() -> (EventSender, Receiver<Event>) {
+    let (sender, receiver) = sync_channel(LONGEST_QUEUE);
+    (EventSender(sender), receiver)
+}

@@ -1,0 +1,382 @@
+//! The master as a library: start it, hear what happens, stop it, and take what it has measured.
+//! In: a wall, a scene, an identity. Out: notices while it runs, then a report and pictures. Two threads work
+//! behind it: the network's, and the frame loop's, which never waits for any node.
+
+use std::net::SocketAddr;
+use std::sync::Arc;
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+use link::{BindError, CloseCode, Identity, Server};
+use protocol::report::Report;
+use protocol::{Scene, Wall};
+use tokio::sync::oneshot;
+
+use crate::capture::CapturedOutput;
+use crate::director::Director;
+use crate::events::{self, Event, EventSender};
+use crate::frame_loop::FrameLoop;
+use crate::server;
+use crate::session::Context;
+
+/// Notices that may wait for somebody to read them; more are dropped.
+const LONGEST_NOTICE_QUEUE: usize = 4_096;
+
+/// What to run.
+pub struct MasterOptions {
+    /// The wall.
+    pub wall: Wall,
+    /// The scene, with resolved repositories.
+    pub scene: Scene,
+    /// The cluster's identity.
+    pub identity: Identity,
+    /// Where to listen; port 0 takes a free one.
+    pub bind: SocketAddr,
+    /// Frames a second, 1…240; `None`: the wall's.
+    pub fps: Option<f64>,
+    /// End after this many frames, counted from the first of the complete wall; `None`: run until
+    /// stopped. With a number, every frame is one step of the camera's time, however long it takes.
+    pub frames: Option<u64>,
+    /// At the end, hold the camera, wait until every node has converged, and take the pictures.
+    pub capture: bool,
+    /// Start with whoever is there after this time; `None`: wait for the whole wall.
+    pub start_after: Option<Duration>,
+    /// Give up if the wall has not started by then; `None`: never.
+    pub start_timeout: Option<Duration>,
+    /// Give up if the pictures are not complete this long after the last frame.
+    pub capture_timeout: Duration,
+}
+
+impl MasterOptions {
+    /// The usual options: the whole wall within a minute, frames without end, no capture, captures
+    /// within a minute.
+    #[must_use]
+    pub fn new(wall: Wall, scene: Scene, identity: Identity, bind: SocketAddr) -> Self {
+        Self {
+            wall,
+            scene,
+            identity,
+            bind,
+            fps: None,
+            frames: None,
+            capture: false,
+            start_after: None,
+            start_timeout: Some(Duration::from_secs(60)),
+            capture_timeout: Duration::from_secs(60),
+        }
+    }
+}
+
+/// Something an operator wants to know while the wall runs.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Notice {
+    /// A node was welcomed. It draws, and is waited for once it has caught up.
+    Joined {
+        /// The node.
+        node: String,
+        /// Its graphics adapter.
+        adapter: String,
+        /// Where it is.
+        address: SocketAddr,
+    },
+    /// A node keeps step from now on.
+    Entered {
+        /// The node.
+        node: String,
+    },
+    /// A node keeps step no longer.
+    Left {
+        /// The node.
+        node: String,
+        /// Why.
+        reason: String,
+    },
+    /// A node's connection is over.
+    Disconnected {
+        /// The node.
+        node: String,
+        /// Why.
+        reason: String,
+    },
+    /// A member of the cluster was not let in.
+    Refused {
+        /// The name it gave.
+        node: String,
+        /// Where it is.
+        address: SocketAddr,
+        /// Why, as it was told.
+        reason: String,
+    },
+    /// Somebody could not prove membership, or did not introduce itself.
+    Stranger {
+        /// Where it is.
+        address: SocketAddr,
+        /// What went wrong.
+        reason: String,
+    },
+    /// Something went wrong on a node, which goes on.
+    Fault {
+        /// The node.
+        node: String,
+        /// Its words.
+        message: String,
+    },
+    /// The wall is complete, or the time to wait for it is over: frames count from now on.
+    Started {
+        /// Nodes in step.
+        nodes: usize,
+        /// Hosts of the wall.
+        hosts: usize,
+    },
+    /// About four times a second while frames count.
+    Progress {
+        /// Frames so far.
+        frame: u64,
+        /// All frames, if their number was given.
+        frames: Option<u64>,
+    },
+    /// The camera holds still; about once a second until the pictures are there.
+    Settling {
+        /// Whom it waits for and why.
+        waits_for: Vec<String>,
+    },
+}
+
+/// What a run has given.
+#[derive(Clone, Debug)]
+pub struct MasterOutcome {
+    /// What was measured.
+    pub report: Report,
+    /// The pictures, if they were asked for; every output of the wall in its order.
+    pub captures: Vec<CapturedOutput>,
+    /// Whether the run was stopped before its end.
+    pub stopped: bool,
+}
+
+/// Why a master could not start.
+#[derive(Debug, thiserror::Error)]
+pub enum StartError {
+    /// The address cannot be listened on.
+    #[error(transparent)]
+    Bind(#[from] BindError),
+    /// The wall or the scene is too large to be sent.
+    #[error(transparent)]
+    Encode(#[from] protocol::codec::EncodeError),
+    /// A thread or a socket could not be had.
+    #[error("cannot start the master: {0}")]
+    System(#[from] std::io::Error),
+}
+
+/// Why a run failed.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum MasterError {
+    /// The wall was not complete in time.
+    #[error("the wall was not complete after {waited_s} seconds: {}", .waits_for.join("; "))]
+    NotComplete {
+        /// How long it was waited for.
+        waited_s: u64,
+        /// Whom it waited for and why.
+        waits_for: Vec<String>,
+    },
+    /// The pictures were not complete in time.
+    #[error("the picture was not complete after {waited_s} seconds: {}", .waits_for.join("; "))]
+    NotConverged {
+        /// How long it was waited for.
+        waited_s: u64,
+        /// Whom it waited for and why.
+        waits_for: Vec<String>,
+    },
+    /// A node could not send its pictures.
+    #[error("the pictures of node \"{node}\" cannot be had: {reason}")]
+    Capture {
+        /// The node.
+        node: String,
+        /// Why.
+        reason: String,
+    },
+    /// A view or scene cannot be sent.
+    #[error("{0}")]
+    Encode(String),
+    /// The frame loop ended by a defect of the program.
+    #[error(
+        "the master's frame loop has ended by a defect of the program; its last words are above"
+    )]
+    Defect,
+}
+
+/// A running master. Dropping it stops the run.
+pub struct Master {
+    address: SocketAddr,
+    events: EventSender,
+    notices: Receiver<Notice>,
+    frame_loop: Option<JoinHandle<Result<MasterOutcome, MasterError>>>,
+    network: Option<JoinHandle<()>>,
+    close_network: Option<oneshot::Sender<()>>,
+}
+
+impl Master {
+    /// Starts to listen, and returns at once.
+    ///
+    /// # Errors
+    /// [`StartError`]; nothing is left running.
+    pub fn start(options: MasterOptions) -> Result<Self, StartError> {
+        let MasterOptions {
+            mut wall,
+            scene,
+            identity,
+            bind,
+            ..
+        } = options;
+        if let Some(fps) = options.fps {
+            wall.fps = fps;
+        }
+        let wall = Arc::new(wall);
+        let director = Director::new(&wall, scene)?;
+        let runtime = tokio::runtime::Builder::new_current_thread()
+            .enable_all()
+            .build()?;
+        let server = {
+            let _inside = runtime.enter();
+            Arc::new(Server::bind(bind, &identity)?)
+        };
+        let address = server.local_address()?;
+        let (events, queue) = events::queue();
+        let (notices, notices_out) = sync_channel(LONGEST_NOTICE_QUEUE);
+        let session = new_session();
+        let plan = Plan {
+            frames: options.frames,
+            capture: options.capture,
+            start_after: options.start_after,
+            start_timeout: options.start_timeout,
+            capture_timeout: options.capture_timeout,
+        };
+        let notices = NoticeSender(notices);
+        let frame_loop = FrameLoop::new(Arc::clone(&wall), director, session, plan, notices)?;
+        let frame_loop = std::thread::Builder::new()
+            .name("frame loop".to_owned())
+            .spawn(move || frame_loop.run(&queue))?;
+        let context = Context {
+            wall,
+            session,
+            events: events.clone(),
+        };
+        let (close_network, closed) = oneshot::channel();
+        let network = std::thread::Builder::new()
+            .name("network".to_owned())
+            .spawn(move || {
+                runtime.block_on(async {
+                    tokio::select! {
+                        () = server::accept(Arc::clone(&server), context) => {}
+                        // A dropped master closes as well.
+                        _ = closed => {}
+                    }
+                    server.close(CloseCode::Finished, "the run is over").await;
+                });
+            })?;
+        Ok(Self {
+            address,
+            events,
+            notices: notices_out,
+            frame_loop: Some(frame_loop),
+            network: Some(network),
+            close_network: Some(close_network),
+        })
+    }
+
+    /// Where nodes find it.
+    #[must_use]
+    pub fn address(&self) -> SocketAddr {
+        self.address
+    }
+
+    /// The next notice, waited for at most this long. `None` also after the end of the run.
+    pub fn next_notice(&self, wait: Duration) -> Option<Notice> {
+        match self.notices.recv_timeout(wait) {
+            Ok(notice) => Some(notice),
+            Err(RecvTimeoutError::Timeout) => None,
+            Err(RecvTimeoutError::Disconnected) => {
+                // A loop of waits must not become a busy one.
+                std::thread::sleep(wait.min(Duration::from_millis(10)));
+                None
+            }
+        }
+    }
+
+    /// Whether the run is over, so that [`Self::finish`] returns soon.
+    #[must_use]
+    pub fn is_over(&self) -> bool {
+        self.frame_loop.as_ref().is_none_or(JoinHandle::is_finished)
+    }
+
+    /// Shows another scene from the next frame on, with its own camera.
+    pub fn set_scene(&self, scene: Scene) {
+        self.events.send(Event::SetScene(Box::new(scene)));
+    }
+
+    /// Ends the run as if its last frame had been shown, but without a capture. Nodes are sent home.
+    pub fn stop(&self) {
+        self.events.send(Event::Stop);
+    }
+
+    /// Waits for the end of the run.
+    ///
+    /// # Errors
+    /// [`MasterError`]. The nodes have been sent home all the same.
+    pub fn finish(mut self) -> Result<MasterOutcome, MasterError> {
+        let outcome = self.frame_loop.take().map(JoinHandle::join);
+        self.close();
+        match outcome {
+            Some(Ok(outcome)) => outcome,
+            Some(Err(_)) | None => Err(MasterError::Defect),
+        }
+    }
+
+    fn close(&mut self) {
+        if let Some(close) = self.close_network.take() {
+            let _already_closed = close.send(());
+        }
+        if let Some(network) = self.network.take() {
+            let _panicked = network.join();
+        }
+    }
+}
+
+impl Drop for Master {
+    fn drop(&mut self) {
+        if let Some(frame_loop) = self.frame_loop.take() {
+            self.stop();
+            let _panicked = frame_loop.join();
+        }
+        self.close();
+    }
+}
+
+/// What a run is to do, as the frame loop needs it.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Plan {
+    pub(crate) frames: Option<u64>,
+    pub(crate) capture: bool,
+    pub(crate) start_after: Option<Duration>,
+    pub(crate) start_timeout: Option<Duration>,
+    pub(crate) capture_timeout: Duration,
+}
+
+/// The frame loop's end of the notices.
+pub(crate) struct NoticeSender(SyncSender<Notice>);
+
+impl NoticeSender {
+    /// Tells the operator, or nobody if nobody reads.
+    pub(crate) fn send(&self, notice: Notice) {
+        let _unread = self.0.try_send(notice);
+    }
+}
+
+/// A number that no other run of a master has had: nodes give it back in their hello.
+fn new_session() -> u64 {
+    use std::hash::{BuildHasher, Hasher};
+    // The standard library seeds each hasher's keys from the system's randomness.
+    std::collections::hash_map::RandomState::new()
+        .build_hasher()
+        .finish()
+}

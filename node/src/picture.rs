@@ -1,0 +1,108 @@
+//! What the frame loop needs from a renderer, and nothing else of it.
+//! In: scenes and views. Out: pictures, on screens or as pixels. The renderer implements [`Picture`]; tests
+//! of the wall's step implement it with something cheaper. Nothing here knows GPUs or the network.
+
+use std::sync::Arc;
+
+use protocol::message::TileCounters;
+use protocol::{Scene, View, Wall};
+use winit::window::Window;
+
+/// Why a picture could not be made. Fatal ones end the node; the others are told to the master, and the
+/// last picture stays.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum PictureError {
+    /// There is nothing to draw with: no adapter, no surface. The text says what to do.
+    #[error("{0}")]
+    Unavailable(String),
+    /// A scene cannot be shown: a repository is missing or of another version. The text names it.
+    #[error("{0}")]
+    Scene(String),
+    /// One frame failed. The next may succeed.
+    #[error("{0}")]
+    Frame(String),
+}
+
+/// What became of a view.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Drawn {
+    /// Something had to be drawn; `false` if the last picture already shows this view.
+    pub redrawn: bool,
+    /// Nothing is missing: drawing the same view again would give the same picture.
+    pub converged: bool,
+    /// Tiles that are on their way.
+    pub pending_tiles: u32,
+    /// Triangles drawn.
+    pub triangles: u64,
+}
+
+/// The pixels of one output.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct OutputImage {
+    /// The output's name in the wall.
+    pub output: String,
+    /// Width in pixels.
+    pub width: u32,
+    /// Height in pixels.
+    pub height: u32,
+    /// width × height × 4 bytes, top row first: red, green, blue, alpha.
+    pub rgba: Vec<u8>,
+}
+
+/// Where a picture is to be made.
+pub struct PictureRequest<'a> {
+    /// The whole wall.
+    pub wall: &'a Wall,
+    /// This node's index into the wall's hosts.
+    pub host: usize,
+    /// One per output of the host, in order; `None` for an output without a window.
+    pub windows: Vec<Option<Arc<Window>>>,
+}
+
+/// An open graphics device that can make pictures.
+pub trait PictureMaker {
+    /// Name of the graphics adapter, for reports.
+    fn adapter(&self) -> String;
+
+    /// Makes the outputs of one host. Called when the master has told the wall, and again if it tells
+    /// another one; the earlier picture is gone by then.
+    ///
+    /// # Errors
+    /// An output that the device cannot draw.
+    fn make(&mut self, request: PictureRequest<'_>) -> Result<Box<dyn Picture>, PictureError>;
+}
+
+/// All outputs of one host.
+pub trait Picture {
+    /// Takes a new scene. Views of `revision` follow.
+    ///
+    /// # Errors
+    /// A scene that cannot be shown; the last scene and picture stay.
+    fn set_scene(&mut self, revision: u64, scene: &Scene) -> Result<(), PictureError>;
+
+    /// Prepares and draws a view and waits for the GPU, but not for data: what is missing is shown as its
+    /// best ancestor. Draws nothing if the last picture already shows the view.
+    ///
+    /// # Errors
+    /// A lost device and the like.
+    fn draw(&mut self, view: &View) -> Result<Drawn, PictureError>;
+
+    /// Brings what was drawn to the screens, at once. Headless outputs have nothing to do.
+    ///
+    /// # Errors
+    /// A lost surface and the like.
+    fn present(&mut self) -> Result<(), PictureError>;
+
+    /// The pixels of what was drawn last, one image per output, in the wall's order.
+    ///
+    /// # Errors
+    /// A failed read-back.
+    fn capture(&mut self) -> Result<Vec<OutputImage>, PictureError>;
+
+    /// What the tile caches have done since the node started.
+    fn counters(&self) -> TileCounters;
+
+    /// Numbers of tiles used for the first time since the last call, at most `most`; the rest comes with
+    /// the next call. A number means the same data set and tile on every node.
+    fn take_new_tiles(&mut self, most: usize) -> Vec<u64>;
+}

@@ -1,0 +1,299 @@
+//! Everything that master and nodes say to each other, and when.
+//!
+//! A node connects over mutual TLS. The master answers [`ToNode::Challenge`]: only then does the node
+//! know that its certificate was accepted. The node says [`ToMaster::Hello`]; the master answers
+//! [`ToNode::Welcome`] with the wall, then [`ToNode::Scene`], or [`ToNode::Refused`] with a reason.
+//! Then, frame by frame: [`View`] → draw → [`ToMaster::Ready`] → [`ToNode::Swap`] → present at the
+//! same moment → [`ToMaster::Presented`]. Any view is complete: one scene and the next view are all
+//! that a late node needs. All times are microseconds. This file knows no bytes: see `codec`.
+
+use serde::{Deserialize, Serialize};
+
+use crate::camera::Pose;
+use crate::scene::Scene;
+use crate::wall::Wall;
+
+/// Changes whenever a message changes. Master and nodes must have the same.
+pub const PROTOCOL_VERSION: u32 = 1;
+
+/// Most new tiles that one [`ToMaster::Counters`] may name.
+pub const MAX_NEW_TILES: usize = 4096;
+
+/// The render state of one frame. Encoded, it never exceeds 1,100 bytes.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct View {
+    /// Which set of members the master waits for.
+    pub epoch: u32,
+    /// Number of the frame, rising by one.
+    pub frame: u64,
+    /// The scene that this frame shows.
+    pub scene_revision: u64,
+    /// When the master sent it, on the master's clock. A repeated view keeps its first time.
+    pub sent_us: i64,
+    /// Where the viewer is.
+    pub pose: Pose,
+    /// Head of each observer in room metres, in the wall's order, at most 16.
+    pub heads_m: Vec<[f64; 3]>,
+    /// The camera holds still for a capture: a frame counts once its picture has converged.
+    pub settle: bool,
+    /// The swap of the frame before, for a node that its own message did not reach.
+    pub previous_swap: Option<Swap>,
+}
+
+/// The moment at which all nodes present a frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Swap {
+    /// The epoch of the frame's view.
+    pub epoch: u32,
+    /// The frame to present.
+    pub frame: u64,
+    /// When to present, on the master's clock.
+    pub present_at_us: i64,
+}
+
+/// What the master says to a node.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub enum ToNode {
+    /// First words: the node's certificate was accepted.
+    Challenge {
+        /// The master's [`PROTOCOL_VERSION`].
+        protocol_version: u32,
+        /// The master's program version, for people.
+        program_version: String,
+        /// A number of this run of the master, to be given back in the hello.
+        session: u64,
+    },
+    /// The node belongs to the wall.
+    Welcome {
+        /// The node's own index into the wall's hosts.
+        host: u32,
+        /// The whole wall, already validated.
+        wall: Box<Wall>,
+    },
+    /// The node does not belong to the wall, or not now. The master closes the connection.
+    Refused {
+        /// A sentence for the person who started the node.
+        reason: String,
+        /// When another try may succeed; `None`: never without a change.
+        retry_after_ms: Option<u32>,
+    },
+    /// What to show from the first view of this revision on.
+    Scene {
+        /// Rises with every scene.
+        revision: u64,
+        /// The scene, with resolved repositories.
+        scene: Box<Scene>,
+    },
+    /// Present a frame.
+    Swap(Swap),
+    /// Answer to [`ToMaster::ClockPing`].
+    ClockPong {
+        /// As in the ping.
+        sequence: u32,
+        /// As in the ping: the node's clock when it sent it.
+        node_sent_us: i64,
+        /// The master's clock when it read the ping.
+        master_received_us: i64,
+        /// The master's clock when it wrote this answer.
+        master_sent_us: i64,
+    },
+    /// Send the pictures of the frame last presented.
+    Capture {
+        /// Number of the capture, repeated in the answer.
+        id: u32,
+    },
+    /// The run is over: say [`ToMaster::Bye`] and exit.
+    Shutdown,
+}
+
+/// What a node says to the master.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub enum ToMaster {
+    /// Who the node is; the answer to the challenge.
+    Hello(Hello),
+    /// Asks for the master's clock.
+    ClockPing {
+        /// Number of the ping.
+        sequence: u32,
+        /// The node's clock when it sent it.
+        node_sent_us: i64,
+    },
+    /// A frame is drawn and waits for its swap.
+    Ready {
+        /// The epoch of the frame's view.
+        epoch: u32,
+        /// The frame.
+        frame: u64,
+        /// Nothing is missing: another drawing would give the same picture.
+        converged: bool,
+        /// Tiles that are on their way.
+        pending_tiles: u32,
+    },
+    /// A frame was presented.
+    Presented(Presented),
+    /// Some rows of a captured picture.
+    CaptureRows(crate::capture::CaptureRows),
+    /// All pictures of a capture were sent.
+    CaptureDone {
+        /// Number of the capture.
+        id: u32,
+        /// How many outputs it holds.
+        outputs: u32,
+    },
+    /// A capture failed.
+    CaptureFailed {
+        /// Number of the capture.
+        id: u32,
+        /// What went wrong.
+        reason: String,
+    },
+    /// What the node's tile caches have done so far.
+    Counters {
+        /// Totals since the node started.
+        tiles: TileCounters,
+        /// Numbers of tiles used since the last counters, at most [`MAX_NEW_TILES`]. A number must mean
+        /// the same data set and tile on every node.
+        new_tiles: Vec<u64>,
+    },
+    /// Something went wrong that the operator should know; the node goes on.
+    Fault {
+        /// A sentence that names the thing, where it stands and what to do.
+        message: String,
+    },
+    /// Mouse and keys from one of the node's windows.
+    Steer(Steer),
+    /// The node leaves on its own accord.
+    Bye {
+        /// A sentence for the operator.
+        reason: String,
+    },
+}
+
+/// Who a node is.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Hello {
+    /// The node's [`PROTOCOL_VERSION`].
+    pub protocol_version: u32,
+    /// The node's program version, for people.
+    pub program_version: String,
+    /// From the challenge.
+    pub session: u64,
+    /// The host of the wall that it is.
+    pub node: String,
+    /// Name of the graphics adapter.
+    pub adapter: String,
+    /// Process number on its own machine.
+    pub process_id: u32,
+}
+
+/// How a frame was presented.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Presented {
+    /// The epoch of the frame's view.
+    pub epoch: u32,
+    /// The frame.
+    pub frame: u64,
+    /// When it was presented, on the master's clock as the node estimates it.
+    pub presented_us: i64,
+    /// Bound of the error of that estimate.
+    pub clock_error_us: u32,
+    /// Time from the view's sending to its arrival, on the master's clock; below 0 only by clock error.
+    pub view_latency_us: i32,
+    /// Time from the view's sending to its picture's presentation.
+    pub view_to_present_us: u32,
+    /// How long before the moment of presentation the swap message arrived; below 0: too late.
+    pub swap_slack_us: i32,
+    /// Time spent drawing, including the wait for the GPU.
+    pub draw_us: u32,
+    /// Whether anything had to be drawn at all.
+    pub redrawn: bool,
+    /// Triangles drawn.
+    pub triangles: u64,
+    /// Whether nothing was missing from the picture.
+    pub converged: bool,
+}
+
+/// What the tile caches of a node have done since it started.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct TileCounters {
+    /// Different tiles used.
+    pub distinct: u64,
+    /// Tiles read from a repository.
+    pub repository_reads: u64,
+    /// Tiles found in the disk cache.
+    pub disk_hits: u64,
+    /// Tiles found in main memory.
+    pub ram_hits: u64,
+    /// Tiles whose checksum was wrong.
+    pub corrupt: u64,
+}
+
+/// Movements since the last such message. Angles are as seen by the eye, in radians.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Steer {
+    /// The ground was dragged this far to the right and up.
+    pub drag: [f64; 2],
+    /// The gaze was turned this far to the right and up.
+    pub look: [f64; 2],
+    /// The head was tilted this far to the right.
+    pub roll: f64,
+    /// Steps of the wheel; positive goes nearer.
+    pub zoom: f64,
+    /// Keys that are held down. A window repeats them at least every 100 ms as long as there are any.
+    pub held: HeldKeys,
+}
+
+/// A set of steering keys.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct HeldKeys(pub u16);
+
+impl HeldKeys {
+    /// Over the ground in the direction of view.
+    pub const FORWARD: Self = Self(1);
+    /// Over the ground against the direction of view.
+    pub const BACKWARD: Self = Self(1 << 1);
+    /// Over the ground to the left.
+    pub const LEFT: Self = Self(1 << 2);
+    /// Over the ground to the right.
+    pub const RIGHT: Self = Self(1 << 3);
+    /// Away from the ground.
+    pub const RISE: Self = Self(1 << 4);
+    /// Towards the ground.
+    pub const SINK: Self = Self(1 << 5);
+    /// Turns the gaze left.
+    pub const LOOK_LEFT: Self = Self(1 << 6);
+    /// Turns the gaze right.
+    pub const LOOK_RIGHT: Self = Self(1 << 7);
+    /// Turns the gaze up.
+    pub const LOOK_UP: Self = Self(1 << 8);
+    /// Turns the gaze down.
+    pub const LOOK_DOWN: Self = Self(1 << 9);
+    /// Tilts the head left.
+    pub const ROLL_LEFT: Self = Self(1 << 10);
+    /// Tilts the head right.
+    pub const ROLL_RIGHT: Self = Self(1 << 11);
+    /// Four times as fast.
+    pub const FAST: Self = Self(1 << 12);
+
+    /// Whether all of `keys` are in the set.
+    #[must_use]
+    pub const fn holds(self, keys: Self) -> bool {
+        self.0 & keys.0 == keys.0
+    }
+
+    /// The set with `keys` added or removed.
+    #[must_use]
+    pub const fn with(self, keys: Self, held: bool) -> Self {
+        if held {
+            Self(self.0 | keys.0)
+        } else {
+            Self(self.0 & !keys.0)
+        }
+    }
+
+    /// Whether no key is held.
+    #[must_use]
+    pub const fn is_empty(self) -> bool {
+        self.0 == 0
+    }
+}

@@ -1,0 +1,128 @@
+//! What a run has measured, as a value that becomes `report.json`.
+//! In: what the [`Recorder`] has collected. Out: a [`Report`] with stable keys. It writes no file.
+
+mod recorder;
+
+use serde::{Deserialize, Serialize};
+
+pub use recorder::Recorder;
+
+/// Measurements of a run. Keys are read by other tools: they may be added, never renamed.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Report {
+    /// Name of the wall.
+    pub wall: String,
+    /// Frames that at least one node presented.
+    pub frames: u64,
+    /// Such frames per second, between the first and the last; 0 for fewer than two.
+    pub fps: f64,
+    /// Milliseconds from one frame's presentation on the whole wall to the next frame's.
+    pub frame_ms: Quantiles,
+    /// Per frame, the last minus the first node's time of presentation, in microseconds on one clock.
+    /// Only frames that at least two nodes presented count.
+    pub skew_us: QuantilesAndMax,
+    /// Bytes of an encoded view.
+    pub view_bytes: Max,
+    /// Bytes of the encoded scene.
+    pub scene_bytes: u64,
+    /// Microseconds from the sending of a view to its arrival at a node.
+    pub state_latency_us: Quantiles,
+    /// Microseconds from the sending of a view to the presentation of its picture.
+    pub view_to_present_us: Quantiles,
+    /// Largest bound of a node's clock error, in microseconds: what `skew_us` may be off by.
+    pub clock_error_us: Max,
+    /// What the nodes' tile caches did.
+    pub tiles: TileReport,
+    /// Whether nothing was missing in the last picture of any node.
+    pub converged: bool,
+    /// Every host of the wall, in its order.
+    pub nodes: Vec<NodeReport>,
+    /// What went wrong, at most 100 sentences.
+    pub errors: Vec<String>,
+    /// Measurements over time, for plots.
+    pub series: Series,
+}
+
+/// Median and 99th percentile.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Quantiles {
+    /// Median.
+    pub p50: f64,
+    /// 99th percentile.
+    pub p99: f64,
+}
+
+/// Median, 99th percentile and maximum.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct QuantilesAndMax {
+    /// Median.
+    pub p50: f64,
+    /// 99th percentile.
+    pub p99: f64,
+    /// Maximum.
+    pub max: f64,
+}
+
+/// A maximum.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Max {
+    /// Maximum.
+    pub max: u64,
+}
+
+/// What the nodes' tile caches did, together.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct TileReport {
+    /// Different tiles that the wall used.
+    pub distinct: u64,
+    /// Tiles read from repositories, over all nodes.
+    pub repository_reads: u64,
+    /// Tiles found in disk caches.
+    pub disk_hits: u64,
+    /// Tiles found in main memory.
+    pub ram_hits: u64,
+    /// Tiles whose checksum was wrong.
+    pub corrupt: u64,
+}
+
+/// What one node did.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct NodeReport {
+    /// Name of the host.
+    pub name: String,
+    /// Its graphics adapter; empty if it never came.
+    pub adapter: String,
+    /// Frames presented.
+    pub frames: u64,
+    /// Deadlines missed.
+    pub missed_deadlines: u64,
+    /// Times that the barrier began to wait for it.
+    pub joins: u32,
+    /// Milliseconds from its last hello to its first picture in step; absent if there was none.
+    pub join_ms: Option<f64>,
+    /// Milliseconds spent drawing a frame.
+    pub draw_ms: Quantiles,
+    /// Most triangles in a frame.
+    pub triangles: Max,
+}
+
+/// Measurements over time. Long runs are thinned out: each value is then the largest of `stride` frames.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Series {
+    /// Frames that one value stands for.
+    pub stride: u64,
+    /// As [`Report::frame_ms`].
+    pub frame_ms: Vec<f32>,
+    /// As [`Report::skew_us`]; 0 where fewer than two nodes presented.
+    pub skew_us: Vec<f32>,
+}
+
+impl Report {
+    /// The report as indented JSON.
+    ///
+    /// # Errors
+    /// None for reports of a [`Recorder`]; numbers that JSON cannot hold otherwise.
+    pub fn to_json(&self) -> Result<String, serde_json::Error> {
+        serde_json::to_string_pretty(self)
+    }
+}

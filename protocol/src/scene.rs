@@ -1,0 +1,190 @@
+//! What is shown: planet, camera, layers, light, air and mesh.
+//! In: TOML text. Out: a validated [`Scene`], or an error that names file, line, value and remedy.
+//! It opens no file; credentials have no place in it, because it is sent to every node.
+
+mod check;
+mod raw;
+
+use std::path::Path;
+
+use geodesy::Ellipsoid;
+use serde::{Deserialize, Serialize};
+
+use crate::camera::Camera;
+use crate::config::{ConfigError, Document, Problem};
+
+/// Why a scene was refused.
+pub type SceneError = ConfigError;
+
+/// Most layers a scene may have.
+pub const MAX_LAYERS: usize = 64;
+/// Most keyframes of a camera path.
+pub const MAX_KEYFRAMES: usize = 4096;
+
+/// A validated scene.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Scene {
+    /// The body whose surface is shown.
+    pub planet: Ellipsoid,
+    /// Where the viewer is, over time.
+    pub camera: Camera,
+    /// The data, at most 64 layers. A later layer lies over an earlier one of its kind.
+    pub layers: Vec<Layer>,
+    /// How the surface is lit.
+    pub light: Light,
+    /// The air around the planet.
+    pub atmosphere: Atmosphere,
+    /// How finely the surface is drawn.
+    pub mesh: MeshOptions,
+}
+
+/// One data set of the scene.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Layer {
+    /// Unique among the layers.
+    pub name: String,
+    /// What its samples mean.
+    pub kind: LayerKind,
+    /// Directory of the repository. [`Scene::resolve`] makes it relative to the scene's own place.
+    pub repository: String,
+}
+
+/// What the samples of a layer mean.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+pub enum LayerKind {
+    /// Heights above the ellipsoid.
+    Elevation,
+    /// Colours.
+    Imagery,
+}
+
+/// How the surface is lit.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Light {
+    /// Where light comes from.
+    pub sun: Sun,
+    /// Share of light that reaches every surface, 0…1.
+    pub ambient: f64,
+    /// Factor on slopes when they are shaded, and only then, 0…100. 1 is the truth.
+    pub relief: f64,
+}
+
+/// Where light comes from.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub enum Sun {
+    /// Over the viewer's left shoulder, so that whatever is looked at is lit.
+    Camera,
+    /// From the zenith of a place.
+    Fixed {
+        /// Latitude where the sun is in the zenith, −90…90.
+        latitude_deg: f64,
+        /// Longitude where the sun is in the zenith, −180…180.
+        longitude_deg: f64,
+    },
+}
+
+/// The air around the planet.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Atmosphere {
+    /// Whether it is drawn.
+    pub enabled: bool,
+    /// Height in metres at which it ends, 1…10⁶.
+    pub thickness_m: f64,
+    /// Linear red, green, blue of the scattered light, each 0…1.
+    pub colour: [f64; 3],
+}
+
+/// How finely the surface is drawn.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct MeshOptions {
+    /// Refinement of a tile's patch: 2^refinement cells a side, 0…7.
+    pub refinement: u8,
+    /// Side of a tile on the wall, in pixels, above which it splits, 16…4096.
+    pub tile_px: f64,
+    /// The deepest level that is drawn, 0…22.
+    pub deepest_level: u8,
+}
+
+impl Default for Light {
+    fn default() -> Self {
+        Self {
+            sun: Sun::Camera,
+            ambient: 0.15,
+            relief: 1.0,
+        }
+    }
+}
+
+impl Default for Atmosphere {
+    fn default() -> Self {
+        Self {
+            enabled: true,
+            thickness_m: 80_000.0,
+            colour: [0.30, 0.55, 1.0],
+        }
+    }
+}
+
+impl Default for MeshOptions {
+    fn default() -> Self {
+        Self {
+            refinement: 4,
+            tile_px: 257.0,
+            deepest_level: geodesy::MAX_LEVEL,
+        }
+    }
+}
+
+/// A repository's place that cannot be sent to other hosts.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error(
+    "layer \"{layer}\": the path {path} is not valid UTF-8 and cannot be sent to nodes; move the scene or the repository to a path that is"
+)]
+pub struct ResolveError {
+    /// The layer's name.
+    pub layer: String,
+    /// The path, as far as it can be shown.
+    pub path: String,
+}
+
+impl Scene {
+    /// Reads and validates a scene. `origin` names the text in errors, usually the file's path.
+    ///
+    /// # Errors
+    /// The first thing that is wrong, with its line and column and what to write instead.
+    pub fn parse(text: &str, origin: &str) -> Result<Self, SceneError> {
+        let document = Document::parse(text, origin)?;
+        let scene = raw::read(&document)?;
+        scene
+            .check()
+            .map_err(|problem| document.error_at(problem))?;
+        Ok(scene)
+    }
+
+    /// Checks a scene that did not come from [`Scene::parse`], for example one from the wire.
+    ///
+    /// # Errors
+    /// The first thing that is wrong.
+    pub fn validate(&self) -> Result<(), SceneError> {
+        self.check().map_err(Problem::without_origin)
+    }
+
+    /// The scene with the repositories' relative paths taken from `base_directory`, usually the
+    /// directory of the scene file. Absolute paths and URLs stay as they are.
+    ///
+    /// # Errors
+    /// A path that is not valid UTF-8.
+    pub fn resolve(mut self, base_directory: &Path) -> Result<Self, ResolveError> {
+        for layer in &mut self.layers {
+            if layer.repository.contains("://") {
+                continue;
+            }
+            let path = base_directory.join(&layer.repository).into_os_string();
+            layer.repository = path.into_string().map_err(|path| ResolveError {
+                layer: layer.name.clone(),
+                path: path.to_string_lossy().into_owned(),
+            })?;
+        }
+        Ok(self)
+    }
+}

@@ -1,0 +1,225 @@
+//! Wrong input of every kind: one paragraph that names the thing and what to do, and the right exit status.
+
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    reason = "a test that panics has failed"
+)]
+
+use std::path::Path;
+
+use tests::command::{self, Ran};
+use tests::data;
+
+/// Exit status of wrong usage or configuration.
+const USAGE: i32 = 2;
+/// Exit status of a failure.
+const FAILED: i32 = 1;
+
+/// The command must end with `code`, in one paragraph that holds all of `words`.
+fn refused(ran: &Ran, code: i32, words: &[&str]) {
+    assert_eq!(ran.code, Some(code), "{}", ran.stderr);
+    let paragraph = ran.stderr.trim_end();
+    assert!(
+        paragraph.starts_with("terrawall: ") && !paragraph.contains('\n'),
+        "not one paragraph:\n{paragraph}"
+    );
+    for word in words {
+        assert!(
+            paragraph.contains(word),
+            "does not name \"{word}\": {paragraph}"
+        );
+    }
+}
+
+fn check(folder: &Path, text: &str) -> Ran {
+    std::fs::write(folder.join("wall.toml"), text).unwrap();
+    command::run(["check".as_ref(), folder.join("wall.toml").as_os_str()])
+}
+
+#[test]
+fn usage_is_explained() {
+    for (line, words) in [
+        ("", vec!["Usage"]),
+        ("up", vec!["WALL"]),
+        ("fly", vec!["fly"]),
+        ("up wall.toml --frames many", vec!["--frames"]),
+        ("import --into x --kind elevation", vec!["SRC"]),
+    ] {
+        let ran = command::run(line.split_whitespace());
+        assert_eq!(ran.code, Some(USAGE), "terrawall {line}");
+        for word in words {
+            assert!(
+                ran.stderr.contains(word),
+                "terrawall {line}: {}",
+                ran.stderr
+            );
+        }
+    }
+    let help = command::run(["--help"]);
+    assert_eq!(help.code, Some(0));
+    for name in [
+        "up", "master", "node", "import", "check", "verify", "inspect", "bench", "identity",
+    ] {
+        assert!(
+            help.stdout.contains(&format!("\n  {name} ")),
+            "--help must name {name}"
+        );
+    }
+}
+
+#[test]
+fn a_wrong_wall_is_refused_with_its_place() {
+    let folder = tempfile::tempdir().unwrap();
+    let good = data::wall(2, 96, 54, 60.0);
+    assert_eq!(check(folder.path(), &good).code, Some(0));
+    let change = |from: &str, to: &str| {
+        assert!(good.contains(from), "{from}");
+        good.replacen(from, to, 1)
+    };
+    for (text, words) in [
+        (
+            change("fps = 60.0", "fps = 60.0\ncolour = 3"),
+            vec!["wall.toml:4", "colour"],
+        ),
+        (
+            change("fps = 60.0", "fps = \"60 Hz\""),
+            vec!["wall.toml:3", "fps"],
+        ),
+        (
+            change("head_m = [0.0, 1.5, 1.5]", "head_cm = [0.0, 150.0, 150.0]"),
+            vec!["wall.toml:", "head_cm"],
+        ),
+        (
+            change("name = \"node1\"", "name = \"node0\""),
+            vec!["wall.toml:", "node0"],
+        ),
+        (
+            change("0.8, 0.0], top_left", "0.8, -700.0], top_left"),
+            vec!["wall.toml:", "corners_m"],
+        ),
+        (
+            change("head_m = [0.0, 1.5, 1.5]", "head_m = [0.0, 1.5, -1.5]"),
+            vec!["wall.toml:", "head"],
+        ),
+        (
+            change("size_px = [192, 54]", "size_px = [0, 54]"),
+            vec!["wall.toml:", "size_px"],
+        ),
+        (
+            change("canvas_px = [96, 0, 96, 54]", "canvas_px = [97, 0, 96, 54]"),
+            vec!["wall.toml:", "canvas_px"],
+        ),
+        (
+            change("observer = \"viewer\"", "observer = \"nobody\""),
+            vec!["wall.toml:", "nobody", "viewer"],
+        ),
+        (change("[wall]", "[wall"), vec!["wall.toml:1"]),
+    ] {
+        refused(&check(folder.path(), &text), USAGE, &words);
+    }
+    let absent = folder.path().join("absent.toml");
+    refused(
+        &command::run(["check".as_ref(), absent.as_os_str()]),
+        USAGE,
+        &["absent.toml"],
+    );
+}
+
+#[test]
+fn a_wrong_scene_is_refused_before_anything_starts() {
+    let folder = data::folder(&[("wall.toml", &data::wall(1, 96, 54, 60.0))]);
+    let good = data::scene();
+    for (from, to, words) in [
+        (
+            "mode = \"fixed\"",
+            "mode = \"fixed\"\nspeed = 3",
+            vec!["scene.toml:", "speed"],
+        ),
+        (
+            "altitude_m = 12e6",
+            "altitude_km = 12e3",
+            vec!["scene.toml:", "altitude_km"],
+        ),
+        (
+            "latitude_deg = 10.0",
+            "latitude_deg = 100.0",
+            vec!["scene.toml:", "latitude_deg", "90"],
+        ),
+        (
+            "name = \"colour\"",
+            "name = \"relief\"",
+            vec!["scene.toml:", "relief"],
+        ),
+        (
+            "kind = \"imagery\"",
+            "kind = \"photo\"",
+            vec!["scene.toml:", "photo", "imagery"],
+        ),
+    ] {
+        assert!(good.contains(from), "{from}");
+        std::fs::write(folder.path().join("scene.toml"), good.replacen(from, to, 1)).unwrap();
+        let (wall, scene) = (
+            folder.path().join("wall.toml"),
+            folder.path().join("scene.toml"),
+        );
+        let ran = command::run([
+            "up".as_ref(),
+            wall.as_os_str(),
+            "--scene".as_ref(),
+            scene.as_os_str(),
+        ]);
+        refused(&ran, USAGE, &words);
+    }
+}
+
+#[test]
+fn a_wrong_source_leaves_nothing_behind() {
+    let folder = tempfile::tempdir().unwrap();
+    let into = folder.path().join("repository");
+    let import = |source: &Path, kind: &str, more: &[&str]| {
+        let mut words = vec![
+            "import",
+            source.to_str().unwrap(),
+            "--kind",
+            kind,
+            "--into",
+            into.to_str().unwrap(),
+        ];
+        words.extend(more);
+        command::run(words)
+    };
+    let bmng = data::embedded("bmng.jpg");
+    let ran = import(&bmng, "imagery", &[]);
+    assert!(matches!(ran.code, Some(FAILED | USAGE)), "{}", ran.stderr);
+    refused(&ran, ran.code.unwrap(), &["bmng.jpg", "--extent"]);
+    assert!(!into.join("dataset.toml").exists());
+
+    let whole = std::fs::read(data::embedded("etopo5.tif")).unwrap();
+    for (name, length) in [
+        ("half.tif", whole.len() / 2),
+        ("head.tif", 6),
+        ("empty.tif", 0),
+    ] {
+        let path = folder.path().join(name);
+        std::fs::write(&path, &whole[..length]).unwrap();
+        refused(&import(&path, "elevation", &[]), FAILED, &[name]);
+        assert!(!into.join("dataset.toml").exists(), "{name}");
+    }
+    let absent = folder.path().join("absent.tif");
+    let ran = import(&absent, "elevation", &[]);
+    refused(&ran, ran.code.unwrap_or(-1), &["absent.tif"]);
+}
+
+#[test]
+fn what_is_no_repository_is_said_so() {
+    let folder = data::folder(&[("notes.txt", "no tiles here")]);
+    let ran = command::run(["inspect".as_ref(), folder.path().as_os_str()]);
+    let code = ran.code.unwrap_or(-1);
+    assert!(matches!(code, FAILED | USAGE), "{}", ran.stderr);
+    refused(
+        &ran,
+        code,
+        &[folder.path().to_str().unwrap(), "dataset.toml"],
+    );
+}
