@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use geodesy::{Ellipsoid, Tile};
-use terrain::{HeightRanges, Lattice};
+use terrain::{HeightRanges, Lattice, Relief};
 use tiles::{DatasetId, Lookup, OpenDataset, TileCache, TileData};
 
 use crate::error::RenderError;
@@ -166,6 +166,26 @@ impl HeightRanges for Ranges<'_> {
         let unit = layer.data.dataset.unit();
         // Ground without data lies on the ellipsoid.
         ((lowest * unit).min(0.0), (highest * unit).max(0.0))
+    }
+
+    fn relief(&self, tile: Tile) -> Relief {
+        let best = self
+            .elevation
+            .and_then(|layer| Some((layer, layer.best(tile)?)));
+        let flat = Relief {
+            lowest_m: 0.0,
+            highest_m: 0.0,
+            level: tile.level(),
+        };
+        best.map_or(flat, |(layer, best)| {
+            let (lowest, highest) = layer.data.index.range(best).unwrap_or((0.0, 0.0));
+            let unit = layer.data.dataset.unit();
+            Relief {
+                lowest_m: lowest * unit,
+                highest_m: highest * unit,
+                level: best.level(),
+            }
+        })
     }
 
     fn is_worth_dividing(&self, tile: Tile) -> bool {

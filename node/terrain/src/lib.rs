@@ -25,5 +25,5 @@ pub use cull::{Frustum, cull};
 pub use mesh::{Heights, Lattice, MeshError, Vertex, build};
 pub use patch::{LATTICE_STEPS, MAX_REFINEMENT, Patch, PatchError};
 pub use seams::{DataLevels, NO_DATA, Seams, seams};
-pub use select::{EdgeNeighbour, HeightRanges, LodLimits, LodView, Selection, select};
+pub use select::{EdgeNeighbour, HeightRanges, LodLimits, LodView, Relief, Selection, select};
 pub use walk::{Walk, Walker};

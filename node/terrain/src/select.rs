@@ -39,6 +39,17 @@ impl Default for LodLimits {
     }
 }
 
+/// A range of heights, and the level of the tile that it was measured on.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Relief {
+    /// Lowest elevation in metres.
+    pub lowest_m: f64,
+    /// Highest elevation in metres.
+    pub highest_m: f64,
+    /// Level of the measured tile: the asking tile's own, or an ancestor's.
+    pub level: u8,
+}
+
 /// The heights that a tile can take.
 pub trait HeightRanges {
     /// Lowest and highest elevation in metres of anything drawn within `tile`: its own data, any
@@ -46,6 +57,17 @@ pub trait HeightRanges {
     /// may be a hole. The answer must be the same on every node and may not depend on what is loaded.
     /// A range that is too wide costs tiles; one that is too narrow may cull what is visible.
     fn range_m(&self, tile: Tile) -> (f64, f64);
+
+    /// The heights that decide how many pixels `tile` covers, and whose they are. Bound by the same rule
+    /// as [`HeightRanges::range_m`], but not to be conservative.
+    fn relief(&self, tile: Tile) -> Relief {
+        let (lowest_m, highest_m) = self.range_m(tile);
+        Relief {
+            lowest_m,
+            highest_m,
+            level: tile.level(),
+        }
+    }
 
     /// Whether the children of `tile` could show anything that it cannot: finer data, or data that its
     /// own patch is too coarse for. Bound by the same rule: the same answer on every node.
@@ -85,7 +107,7 @@ pub struct Selection {
 /// above `deepest_level` that is worth dividing covers more than `tile_px`² pixels; it does not depend on the order of work.
 ///
 /// A tile's pixels are the solid angle of the convex hull of [`TileHull::corners`] times
-/// `pixels_per_radian`². If there are more than `most_tiles` leaves, `tile_px` grows by factors of √2;
+/// `pixels_per_radian`², with the heights of [`HeightRanges::relief`]. If there are more than `most_tiles` leaves, `tile_px` grows by factors of √2;
 /// [`Selection::achieved_tile_px`] tells what it came to. A view that is not finite selects the roots.
 #[must_use]
 pub fn select(
@@ -100,6 +122,8 @@ pub fn select(
     } else {
         Tile::ROOTS.len()
     };
+    let below = ellipsoid.normal_below(view.eye);
+    let eye_height_m = (view.eye - ellipsoid.point(below, 0.0)).dot(below);
     let mut tile_px = limits.tile_px;
     loop {
         let radians = tile_px / view.pixels_per_radian;
@@ -115,7 +139,7 @@ pub fn select(
             if !ranges.is_worth_dividing(tile) {
                 return false;
             }
-            let (lowest_m, highest_m) = ranges.range_m(tile);
+            let (lowest_m, highest_m) = slab(tile, ranges.relief(tile), eye_height_m);
             criterion.exceeded_by(&TileHull::new(ellipsoid, tile, lowest_m, highest_m).corners)
         };
         // Grows without end only until the threshold passes 4π, which nothing exceeds.
@@ -125,6 +149,22 @@ pub fn select(
         }
         tile_px *= std::f64::consts::SQRT_2;
     }
+}
+
+/// The heights of a tile that count for its pixels. A tile below the depth of its data knows only the range
+/// of a wider one; taken whole, it would be a tower, and split for its height alone. Relief shrinks with
+/// width, so it gets its share of the range, where the range comes nearest to the eye.
+fn slab(tile: Tile, relief: Relief, eye_height_m: f64) -> (f64, f64) {
+    let Relief {
+        lowest_m,
+        highest_m,
+        level,
+    } = relief;
+    let share = 1.0 / f64::from(1_u32 << tile.level().saturating_sub(level).min(MAX_LEVEL));
+    let half_m = 0.5 * share * (highest_m - lowest_m);
+    // Not `clamp`: a broken range must not be able to panic here.
+    let middle_m = eye_height_m.max(lowest_m + half_m).min(highest_m - half_m);
+    (middle_m - half_m, middle_m + half_m)
 }
 
 impl Selection {
