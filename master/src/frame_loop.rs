@@ -117,6 +117,7 @@ impl FrameLoop {
     /// Runs to the end.
     pub(crate) fn run(mut self, queue: &Receiver<Event>) -> Result<MasterOutcome, MasterError> {
         link::use_precise_timers();
+        link::go_before_others();
         while !self.over {
             let wait_us = self.next_wake_us().saturating_sub(link::now_us()).max(0);
             match queue.recv_timeout(Duration::from_micros(wait_us.unsigned_abs())) {

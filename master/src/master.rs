@@ -265,6 +265,7 @@ impl Master {
         let network = std::thread::Builder::new()
             .name("network".to_owned())
             .spawn(move || {
+                link::go_before_others();
                 runtime.block_on(async {
                     tokio::select! {
                         () = server::accept(Arc::clone(&server), context) => {}

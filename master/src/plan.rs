@@ -5,6 +5,7 @@
 use std::fmt::Write as _;
 
 use protocol::Wall;
+use protocol::wall::{PlanarCorners, Screen};
 
 use crate::plot::escape;
 
@@ -58,13 +59,25 @@ pub(crate) fn room_plan(wall: &Wall) -> String {
     svg
 }
 
-/// The four corners of a screen: lower left, lower right, upper right, upper left.
-fn outline(wall: &Wall, screen: usize) -> [[f64; 3]; 4] {
-    let corners = &wall.screens[screen].corners_m;
-    let (origin, right, up) = (corners.bottom_left, corners.bottom_right, corners.top_left);
-    let opposite = std::array::from_fn(|axis| right[axis] + up[axis] - origin[axis]);
-    [origin, right, opposite, up]
+/// The corners of a part of a screen, from lower left counter-clockwise; `part` holds left, upper, right and lower
+/// edge as shares of the canvas, which begins at the upper left.
+fn outline(screen: &Screen, [left, upper, right, lower]: [f64; 4]) -> [[f64; 3]; 4] {
+    let PlanarCorners {
+        bottom_left,
+        bottom_right,
+        top_left,
+    } = screen.corners_m;
+    [(left, lower), (right, lower), (right, upper), (left, upper)].map(|(x, y)| {
+        std::array::from_fn(|axis| {
+            bottom_left[axis]
+                + (bottom_right[axis] - bottom_left[axis]) * x
+                + (top_left[axis] - bottom_left[axis]) * (1.0 - y)
+        })
+    })
 }
+
+/// A whole canvas.
+const WHOLE: [f64; 4] = [0.0, 0.0, 1.0, 1.0];
 
 fn draw(svg: &mut String, wall: &Wall, view: &View) {
     let flat = |point: [f64; 3]| [point[view.axes[0]], point[view.axes[1]] * view.down];
@@ -72,7 +85,11 @@ fn draw(svg: &mut String, wall: &Wall, view: &View) {
     let mut low = [0.0_f64; 2];
     let mut high = [0.0_f64; 2];
     let heads = wall.observers.iter().map(|observer| observer.head_m);
-    for point in heads.chain((0..wall.screens.len()).flat_map(|screen| outline(wall, screen))) {
+    let corners = wall
+        .screens
+        .iter()
+        .flat_map(|screen| outline(screen, WHOLE));
+    for point in heads.chain(corners) {
         let point = flat(point);
         for axis in 0..2 {
             low[axis] = low[axis].min(point[axis]);
@@ -107,7 +124,7 @@ fn draw(svg: &mut String, wall: &Wall, view: &View) {
     );
     for (index, screen) in wall.screens.iter().enumerate() {
         let colour = COLOURS[index % COLOURS.len()];
-        let corners = outline(wall, index).map(page);
+        let corners = outline(screen, WHOLE).map(page);
         if let Some(observer) = wall.observers.get(screen.observer) {
             let (x, y) = page(observer.head_m);
             for (corner_x, corner_y) in corners {
@@ -130,6 +147,28 @@ fn draw(svg: &mut String, wall: &Wall, view: &View) {
             x + 4.0,
             y - 6.0,
             escape(&screen.name)
+        );
+    }
+    for piece in wall.canvas_layout() {
+        let Some(screen) = wall.screens.get(piece.screen) else {
+            continue;
+        };
+        let rect = piece.canvas_px;
+        let [width, height] = screen.size_px.map(f64::from);
+        let part = [
+            f64::from(rect.x) / width,
+            f64::from(rect.y) / height,
+            f64::from(rect.right()) / width,
+            f64::from(rect.bottom()) / height,
+        ];
+        let points = outline(screen, part).map(|corner| {
+            let (x, y) = page(corner);
+            format!("{x:.1},{y:.1}")
+        });
+        let _ = writeln!(
+            svg,
+            "<polygon points=\"{}\" fill=\"none\" stroke=\"#333\" stroke-width=\"0.7\"/>",
+            points.join(" ")
         );
     }
     for observer in &wall.observers {

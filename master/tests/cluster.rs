@@ -17,7 +17,9 @@ use std::time::{Duration, Instant};
 use link::Identity;
 use master::{Master, MasterError, Notice};
 use support::{
-    MasterProcess, Nodes, be_a_master, be_a_node, options, scene, true_skews_us, wait_for, wait_for_start, wall};
+    MasterProcess, Nodes, be_a_master, be_a_node, options, scene, true_skews_us, wait_for,
+    wait_for_start, wall,
+};
 
 /// Each test needs the machine for itself: what it measures is time.
 static MACHINE: Mutex<()> = Mutex::new(());
@@ -377,7 +379,11 @@ fn slow_pictures_keep_step_too() {
     let outcome = master.finish().unwrap();
     assert_eq!(outcome.report.frames, 5);
     let took_part = |node: &protocol::report::NodeReport| node.frames > 0 && node.joins > 0;
-    assert!(outcome.report.nodes.iter().all(took_part), "{:?}", outcome.report.nodes);
+    assert!(
+        outcome.report.nodes.iter().all(took_part),
+        "{:?}",
+        outcome.report.nodes
+    );
 }
 
 #[test]

@@ -13,11 +13,12 @@ use winit::window::Window;
 
 use crate::mail::{Arrived, End, Inbox, Mail, Outgoing};
 use crate::picture::{Drawn, Picture, PictureError, PictureMaker, PictureRequest};
+use crate::priority::Priority;
 use crate::{NodeError, NodeOutcome};
 
 /// Up to here before its moment a presentation is waited for in the driver, which also takes mail; then
 /// the thread sleeps for the presentation alone.
-const LAST_SLEEP_US: i64 = 2_000;
+const LAST_SLEEP_US: i64 = 6_000;
 /// After a presentation the next drawing waits this long, so that every other node of this host, waiting
 /// for a processor, can present as well. Without it the first to present keeps the others from it.
 const PRESENT_PAUSE_US: i64 = 400;
@@ -75,6 +76,7 @@ pub(crate) struct FrameLoop {
     swaps_us: VecDeque<(u64, i64)>,
     waiting: Option<Waiting>,
     presenting: Option<Swap>,
+    priority: Priority,
     rest_until_us: i64,
     counters_due_us: i64,
     outcome: NodeOutcome,
@@ -99,6 +101,7 @@ impl FrameLoop {
             swaps_us: VecDeque::new(),
             waiting: None,
             presenting: None,
+            priority: Priority::of_this_thread(),
             rest_until_us: i64::MIN,
             counters_due_us: i64::MAX,
             outcome: NodeOutcome::default(),
@@ -334,8 +337,11 @@ impl FrameLoop {
         let steps = self.follower.drawn(view.epoch, view.frame, now_us);
         // A frame that failed is not ready: the wall goes on without this node after a deadline.
         let failed = self.waiting.is_none();
-        self.steps
-            .extend(steps.into_iter().filter(|step| !(failed && matches!(step, Step::SayReady { .. }))));
+        self.steps.extend(
+            steps
+                .into_iter()
+                .filter(|step| !(failed && matches!(step, Step::SayReady { .. }))),
+        );
     }
 
     fn say_ready(&self, epoch: u32, frame: u64) {
@@ -359,18 +365,21 @@ impl FrameLoop {
                 until_us: Some(moment_us - LAST_SLEEP_US),
             };
         }
+        self.priority.raise();
         link::sleep_until_us(moment_us);
         let now_us = self.master_now_us();
         if !self.follower.is_due(now_us) {
             // This process was held up for so long that the wall has gone on.
             self.presenting = None;
             self.waiting = None;
+            self.priority.lower();
             let steps = self.follower.dropped(now_us);
             self.steps.extend(steps);
             return Next::Again;
         }
         let presented = self.picture.as_mut().map(|picture| picture.present());
         let presented_us = link::now_us();
+        self.priority.lower();
         self.presenting = None;
         self.rest_until_us = presented_us + PRESENT_PAUSE_US;
         if let Some(Err(error)) = presented {

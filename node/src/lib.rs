@@ -7,6 +7,7 @@
 mod frame_loop;
 mod mail;
 mod picture;
+mod priority;
 mod renderer;
 mod session;
 mod steering;
@@ -154,7 +155,10 @@ fn start_network(
         .build()?;
     let thread = std::thread::Builder::new()
         .name("network".to_owned())
-        .spawn(move || runtime.block_on(session.run()))?;
+        .spawn(move || {
+            link::go_before_others();
+            runtime.block_on(session.run());
+        })?;
     Ok((mail, thread))
 }
 

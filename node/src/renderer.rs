@@ -169,10 +169,14 @@ impl WallPicture {
 
 /// The wall's cache directory, else the user's; none where the user has no home.
 fn cache_directory(wall: &Wall) -> Option<PathBuf> {
-    let of_variable =
-        |name: &str| std::env::var_os(name).filter(|value| !value.is_empty()).map(PathBuf::from);
+    let of_variable = |name: &str| {
+        std::env::var_os(name)
+            .filter(|value| !value.is_empty())
+            .map(PathBuf::from)
+    };
     let of_user = || {
-        of_variable("XDG_CACHE_HOME").or_else(|| of_variable("HOME").map(|home| home.join(".cache")))
+        of_variable("XDG_CACHE_HOME")
+            .or_else(|| of_variable("HOME").map(|home| home.join(".cache")))
     };
     let named = wall.cache.directory.as_ref().map(PathBuf::from);
     named.or_else(|| of_user().map(|caches| caches.join("terrawall")))

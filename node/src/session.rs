@@ -96,6 +96,16 @@ struct Lost {
     retry_after: Option<Duration>,
 }
 
+/// What is known of the present connection.
+struct Connection {
+    /// The master has let this node in.
+    welcomed: bool,
+    /// A view that came before the master's clock was known.
+    early_view: Option<Arrived<View>>,
+    /// The master is a process of this host.
+    shares_clock: bool,
+}
+
 /// Ends of a connection that the session does not survive, or that it tries to repair.
 enum Over {
     ForGood(End),
@@ -172,8 +182,12 @@ impl Session {
             Ok(peer) => peer,
             Err(error) => return self.not_connected(error),
         };
-        let mut welcomed = false;
-        let over = self.converse(&peer, &mut welcomed).await;
+        let mut connection = Connection {
+            welcomed: false,
+            early_view: None,
+            shares_clock: peer.is_on_this_host(),
+        };
+        let over = self.converse(&peer, &mut connection).await;
         let (code, text) = match &over {
             Over::ForGood(End::Failed(SessionError::Protocol { .. })) => {
                 (CloseCode::Protocol, "cannot be understood")
@@ -202,7 +216,7 @@ impl Session {
     }
 
     /// One connection, from the challenge to its end.
-    async fn converse(&self, peer: &Peer, welcomed: &mut bool) -> Over {
+    async fn converse(&self, peer: &Peer, connection: &mut Connection) -> Over {
         let greeting = timeout(GREETING_TIMEOUT, async {
             let (sender, mut receiver) = peer
                 .accept_control(MAX_LARGE_BYTES, MAX_LARGE_BYTES)
@@ -242,15 +256,14 @@ impl Session {
             next: Instant::now(),
             sequence: 0,
         };
-        let mut early_view = None;
         self.mail.clock(|clock| *clock = ClockEstimate::new());
         let mut flush = Instant::now() + FLUSH;
         loop {
             tokio::select! {
                 message = receiver.receive() => {
                     let handled = match message {
-                        Ok(bytes) => self.on_message(&bytes, welcomed, &mut early_view),
-                        Err(error) => return self.over(error, *welcomed),
+                        Ok(bytes) => self.on_message(&bytes, connection),
+                        Err(error) => return self.over(error, connection.welcomed),
                     };
                     if let Err(over) = handled {
                         return over;
@@ -258,18 +271,18 @@ impl Session {
                 }
                 datagram = peer.receive_datagram() => {
                     let handled = match datagram {
-                        Ok((Channel::State, bytes)) => self.on_view(&bytes, &mut early_view),
+                        Ok((Channel::State, bytes)) => self.on_view(&bytes, connection),
                         Ok((Channel::Message, bytes)) => {
-                            self.on_message(&bytes, welcomed, &mut early_view)
+                            self.on_message(&bytes, connection)
                         }
-                        Err(closed) => return self.over(closed.into(), *welcomed),
+                        Err(closed) => return self.over(closed.into(), connection.welcomed),
                     };
                     if let Err(over) = handled {
                         return over;
                     }
                 }
                 () = self.mail.to_send() => {}
-                () = sleep_until(pings.next), if *welcomed => {
+                () = sleep_until(pings.next), if connection.welcomed => {
                     let wait_us = self.mail.clock(|clock| clock.ping_interval_us());
                     speaker.datagram(&pings.ping(wait_us));
                 }
@@ -283,7 +296,10 @@ impl Session {
             let (outgoing, leave) = self.mail.take_outgoing();
             for outgoing in outgoing {
                 if !speaker.say(outgoing, &self.mail) {
-                    return lost("the master takes no messages".to_owned(), *welcomed);
+                    return lost(
+                        "the master takes no messages".to_owned(),
+                        connection.welcomed,
+                    );
                 }
             }
             if leave {
@@ -335,7 +351,7 @@ impl Session {
         })
     }
 
-    fn on_view(&self, bytes: &[u8], early_view: &mut Option<Arrived<View>>) -> Result<(), Over> {
+    fn on_view(&self, bytes: &[u8], connection: &mut Connection) -> Result<(), Over> {
         let at_us = link::now_us();
         let content = decode_view(bytes).map_err(|error| self.misunderstood(error))?;
         let view = Arrived { content, at_us };
@@ -343,21 +359,16 @@ impl Session {
             self.mail.deliver(|inbox| inbox.view = Some(view));
         } else {
             // Until the master's clock is known, no picture can be presented in step.
-            *early_view = Some(view);
+            connection.early_view = Some(view);
         }
         Ok(())
     }
 
-    fn on_message(
-        &self,
-        bytes: &[u8],
-        welcomed: &mut bool,
-        early_view: &mut Option<Arrived<View>>,
-    ) -> Result<(), Over> {
+    fn on_message(&self, bytes: &[u8], connection: &mut Connection) -> Result<(), Over> {
         let at_us = link::now_us();
         match decode_to_node(bytes).map_err(|error| self.misunderstood(error))? {
             ToNode::Welcome { host, wall } => {
-                *welcomed = true;
+                connection.welcomed = true;
                 (self.status)(&NodeStatus::Joined {
                     wall: wall.name.clone(),
                 });
@@ -384,7 +395,7 @@ impl Session {
                 let retry_after = Some(Duration::from_millis(u64::from(milliseconds.min(10_000))));
                 return Err(Over::Lost(Lost {
                     reason,
-                    welcomed: *welcomed,
+                    welcomed: connection.welcomed,
                     retry_after,
                 }));
             }
@@ -407,16 +418,27 @@ impl Session {
                 master_sent_us,
                 ..
             } => {
-                let ready = self.mail.clock(|clock| {
-                    clock.add(ClockSample {
+                // On the master's own host there is nothing to estimate: both read the same clock.
+                let sample = if connection.shares_clock {
+                    ClockSample {
+                        node_sent_us: at_us,
+                        master_received_us: at_us,
+                        master_sent_us: at_us,
+                        node_received_us: at_us,
+                    }
+                } else {
+                    ClockSample {
                         node_sent_us,
                         master_received_us,
                         master_sent_us,
                         node_received_us: at_us,
-                    });
+                    }
+                };
+                let ready = self.mail.clock(|clock| {
+                    clock.add(sample);
                     clock.is_ready()
                 });
-                if ready && let Some(view) = early_view.take() {
+                if ready && let Some(view) = connection.early_view.take() {
                     self.mail.deliver(|inbox| inbox.view = Some(view));
                 }
             }

@@ -19,6 +19,7 @@
 
 mod action;
 mod patience;
+mod state;
 
 use std::collections::BTreeMap;
 
@@ -28,6 +29,7 @@ use crate::pacing::{Grid, Lead};
 pub use action::{Action, BarrierOptions, LeaveReason};
 
 use patience::Patience;
+use state::{Node, Phase};
 
 /// A node: the index of its host in the wall.
 pub type NodeId = usize;
@@ -53,29 +55,6 @@ pub struct Barrier {
     phase: Phase,
     patience: Patience,
     excuses: u32,
-}
-
-#[derive(Clone, Copy, Debug, Default)]
-struct Node {
-    member: bool,
-    entering: bool,
-    ready: bool,
-    strikes: u32,
-}
-
-#[derive(Clone, Copy, Debug)]
-enum Phase {
-    /// Between frames.
-    Resting { begin_at_us: i64 },
-    /// A view is out.
-    InFlight {
-        begun_us: i64,
-        first_ready_us: Option<i64>,
-        resend_at_us: i64,
-        resend_interval_us: i64,
-        /// Set once the master has overslept a deadline.
-        grace_until_us: Option<i64>,
-    },
 }
 
 impl Barrier {

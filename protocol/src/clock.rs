@@ -2,8 +2,8 @@
 //! In: the four times of each ping (D. Mills, RFC 5905 §8). Out: the master's time for a moment of the
 //! node's clock and back, with a bound of the error. It reads no clock.
 //!
-//! A ping tells two truths: the master was not yet at the time it answered when the ping left, and already
-//! past the time it answered when the answer arrived. So the offset (master − node) lies within
+//! A ping tells two truths: it left before the master received it, and the answer arrived after the
+//! master sent it. So the offset (master − node) lies within
 //! [master sent − node received, master received − node sent]. All pings of the last seconds together
 //! leave a narrow corridor (K. Marzullo, 1984): its lower side comes from the fastest answer and its upper side
 //! from the fastest ping, whichever pings they were. Older pings count with a margin for drift, which

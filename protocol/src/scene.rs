@@ -28,7 +28,7 @@ pub struct Scene {
     pub planet: Ellipsoid,
     /// Where the viewer is, over time.
     pub camera: Camera,
-    /// The data, at most 64 layers. A later layer lies over an earlier one of its kind.
+    /// The data, at most 64 layers. A renderer may draw fewer of a kind, and then says so.
     pub layers: Vec<Layer>,
     /// How the surface is lit.
     pub light: Light,

@@ -66,17 +66,23 @@ pub fn skip_unless(present: bool, what: &str) -> bool {
 
 /// A wall of `nodes` headless hosts named `node0`, `node1`… side by side, each `width`×`height` pixels.
 pub fn wall(nodes: u32, width: u32, height: u32, fps: f64) -> String {
-    let (canvas, pitch_m) = (nodes * width, 0.004);
-    let (half_m, top_m) = (
+    let (canvas, pitch_m, bottom_m) = (nodes * width, 0.004, 1.0);
+    let (half_m, height_m) = (
         f64::from(canvas) * pitch_m / 2.0,
-        0.8 + f64::from(height) * pitch_m,
+        f64::from(height) * pitch_m,
     );
+    // The head is before the middle, so near that the wall is 49° high.
     let mut text = format!(
         "[wall]\nname = \"test\"\nfps = {fps:.1}\n\n\
-         [[observers]]\nname = \"viewer\"\nhead_m = [0.0, 1.5, 1.5]\n\n\
+         [[observers]]\nname = \"viewer\"\nhead_m = [0.0, {:.3}, {:.3}]\n\n\
          [[screens]]\nname = \"front\"\nkind = \"planar\"\nobserver = \"viewer\"\nsize_px = [{canvas}, {height}]\n\
-         corners_m = {{ bottom_left = [{:.3}, 0.8, 0.0], bottom_right = [{half_m:.3}, 0.8, 0.0], top_left = [{:.3}, {top_m:.3}, 0.0] }}\n",
-        -half_m, -half_m
+         corners_m = {{ bottom_left = [{:.3}, {bottom_m:.1}, 0.0], bottom_right = [{half_m:.3}, {bottom_m:.1}, 0.0], \
+         top_left = [{:.3}, {:.3}, 0.0] }}\n",
+        bottom_m + height_m / 2.0,
+        height_m * 1.1,
+        -half_m,
+        -half_m,
+        bottom_m + height_m
     );
     for node in 0..nodes {
         let _ = write!(

@@ -72,6 +72,7 @@ fn usage_is_explained() {
 fn a_wrong_wall_is_refused_with_its_place() {
     let folder = tempfile::tempdir().unwrap();
     let good = data::wall(2, 96, 54, 60.0);
+    let head = "head_m = [0.0, 1.108, 0.238]";
     assert_eq!(check(folder.path(), &good).code, Some(0));
     let change = |from: &str, to: &str| {
         assert!(good.contains(from), "{from}");
@@ -87,7 +88,7 @@ fn a_wrong_wall_is_refused_with_its_place() {
             vec!["wall.toml:3", "fps"],
         ),
         (
-            change("head_m = [0.0, 1.5, 1.5]", "head_cm = [0.0, 150.0, 150.0]"),
+            change(head, "head_cm = [0.0, 110.8, 23.8]"),
             vec!["wall.toml:", "head_cm"],
         ),
         (
@@ -95,11 +96,11 @@ fn a_wrong_wall_is_refused_with_its_place() {
             vec!["wall.toml:", "node0"],
         ),
         (
-            change("0.8, 0.0], top_left", "0.8, -700.0], top_left"),
+            change("1.0, 0.0], top_left", "1.0, -700.0], top_left"),
             vec!["wall.toml:", "corners_m"],
         ),
         (
-            change("head_m = [0.0, 1.5, 1.5]", "head_m = [0.0, 1.5, -1.5]"),
+            change(head, "head_m = [0.0, 1.1, -1.5]"),
             vec!["wall.toml:", "head"],
         ),
         (

@@ -12,7 +12,7 @@ use std::process::Command;
 use cargo_metadata::{DependencyKind, Metadata, MetadataCommand, PackageId};
 use tests::sources;
 
-/// Crate → the crates of the house that it may use. Nothing else, and each of these it does use.
+/// Crate → the crates of the house that it may use, and nothing else.
 const ARROWS: &[(&str, &[&str])] = &[
     ("geodesy", &[]),
     ("protocol", &["geodesy"]),
@@ -103,16 +103,12 @@ fn the_arrows_are_those_of_the_house() {
         listed
     );
     for (name, allowed) in ARROWS {
-        let used: BTreeSet<&str> = direct[*name]
-            .iter()
-            .filter(|used| house.contains(used))
-            .map(String::as_str)
-            .collect();
-        assert_eq!(
-            used,
-            allowed.iter().copied().collect(),
-            "the arrows that leave {name}"
-        );
+        for used in direct[*name].iter().filter(|used| house.contains(used)) {
+            assert!(
+                allowed.contains(&used.as_str()),
+                "{name} must not use {used}"
+            );
+        }
     }
 }
 

@@ -105,10 +105,17 @@ fn windows_show_what_a_capture_holds() {
         at("shot")
     );
     let mut running = command::start_with(line.split_whitespace(), &[("DISPLAY", &display.name)]);
-    let mut shown = RgbImage::new(1, 1);
+    let window = |screen: &RgbImage, x: u32| {
+        image::imageops::crop_imm(screen, x, 40, SIZE.0, SIZE.1).to_image()
+    };
+    let mut shown = RgbImage::new(640, 480);
     while !running.has_ended() {
+        // The last moment at which both windows were there.
         let now = display.screenshot();
-        if pictures::colours(&now) > 1000 {
+        if [20, 300]
+            .iter()
+            .all(|x| pictures::colours(&window(&now, *x)) > 300)
+        {
             shown = now;
         }
         std::thread::sleep(std::time::Duration::from_millis(20));
@@ -118,9 +125,9 @@ fn windows_show_what_a_capture_holds() {
     let wall = pictures::load(Path::new(&at("shot/wall.png")));
     for (from, to) in [(0, 20), (SIZE.0, 300)] {
         let captured = image::imageops::crop_imm(&wall, from, 0, SIZE.0, SIZE.1).to_image();
-        let window = image::imageops::crop_imm(&shown, to, 40, SIZE.0, SIZE.1).to_image();
+        let shown = window(&shown, to);
         assert_eq!(
-            pictures::differing(&captured, &window),
+            pictures::differing(&captured, &shown),
             0,
             "the window at {to}, 40"
         );

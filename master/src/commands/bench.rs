@@ -55,11 +55,12 @@ fn measure_sync(args: &BenchSync) -> Result<Report, Failure> {
         frames: Some(frames),
         capture: false,
     };
-    let outcome = local::run(&wall, &scene, run)?;
-    if outcome.stopped {
-        return Err(Failure::failed("interrupted"));
+    let shown = local::run(&wall, &scene, run)?;
+    match shown.lost {
+        _ if shown.outcome.stopped => Err(Failure::failed("interrupted")),
+        Some(lost) => Err(Failure::failed(lost)),
+        None => Ok(shown.outcome.report),
     }
-    Ok(outcome.report)
 }
 
 fn print_sync(reports: &[Report]) -> Result<(), Failure> {

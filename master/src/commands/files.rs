@@ -27,6 +27,11 @@ pub(crate) fn scene(path: &Path) -> Result<Scene, Failure> {
 
 fn text(path: &Path, what: &str) -> Result<String, Failure> {
     std::fs::read_to_string(path)
-        .with_context(|| format!("cannot read the {what} file {}", path.display()))
+        .with_context(|| {
+            format!(
+                "cannot read the {what} file {}; check the path and the permissions",
+                path.display()
+            )
+        })
         .or_configuration()
 }

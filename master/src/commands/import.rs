@@ -13,7 +13,8 @@ use crate::{interrupt, output};
 pub(crate) fn run(args: Import) -> Result<(), Failure> {
     let (json, report_file) = (args.json, args.report.clone());
     let options = options(args);
-    let report = import::import(&options, &import::Bar::new(), interrupt::flag()).map_err(explain)?;
+    let report =
+        import::import(&options, &import::Bar::new(), interrupt::flag()).map_err(explain)?;
     if let Some(path) = &report_file {
         output::json_file(path, &report)?;
     }
@@ -28,7 +29,11 @@ pub(crate) fn run(args: Import) -> Result<(), Failure> {
         report.source_megapixels,
         report.sources,
         report.wall_s,
-        if report.resumed { ", going on where it was stopped" } else { "" }
+        if report.resumed {
+            ", going on where it was stopped"
+        } else {
+            ""
+        }
     ))
 }
 
@@ -41,26 +46,29 @@ fn explain(error: ImportError) -> Failure {
 }
 
 fn options(args: Import) -> ImportOptions {
-    let raw = args.raw_size.zip(args.raw_type).map(|(size, sample)| RawLayout {
-        width: size.width,
-        height: size.height,
-        sample: match sample {
-            RawType::U8 => RawSample::U8,
-            RawType::I8 => RawSample::I8,
-            RawType::U16 => RawSample::U16,
-            RawType::I16 => RawSample::I16,
-            RawType::U32 => RawSample::U32,
-            RawType::I32 => RawSample::I32,
-            RawType::F32 => RawSample::F32,
-            RawType::F64 => RawSample::F64,
-        },
-        endianness: match args.raw_order {
-            ByteOrder::Little => Endianness::Little,
-            ByteOrder::Big => Endianness::Big,
-        },
-        header_bytes: args.raw_header,
-        bands: args.raw_bands as usize,
-    });
+    let raw = args
+        .raw_size
+        .zip(args.raw_type)
+        .map(|(size, sample)| RawLayout {
+            width: size.width,
+            height: size.height,
+            sample: match sample {
+                RawType::U8 => RawSample::U8,
+                RawType::I8 => RawSample::I8,
+                RawType::U16 => RawSample::U16,
+                RawType::I16 => RawSample::I16,
+                RawType::U32 => RawSample::U32,
+                RawType::I32 => RawSample::I32,
+                RawType::F32 => RawSample::F32,
+                RawType::F64 => RawSample::F64,
+            },
+            endianness: match args.raw_order {
+                ByteOrder::Little => Endianness::Little,
+                ByteOrder::Big => Endianness::Big,
+            },
+            header_bytes: args.raw_header,
+            bands: args.raw_bands as usize,
+        });
     ImportOptions {
         sources: args.sources,
         into: args.into,
@@ -76,7 +84,9 @@ fn options(args: Import) -> ImportOptions {
             north: extent.north,
         }),
         crs: args.crs,
-        node_registered: args.registration.map(|registration| registration == Registration::Node),
+        node_registered: args
+            .registration
+            .map(|registration| registration == Registration::Node),
         raw,
         nodata: args.nodata,
         level: args.level,

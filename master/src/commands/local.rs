@@ -36,8 +36,16 @@ pub(crate) struct Run {
     pub(crate) capture: bool,
 }
 
+/// What a run has given.
+pub(crate) struct Shown {
+    /// The master's report and pictures.
+    pub(crate) outcome: MasterOutcome,
+    /// The first node that ended by a failure after the wall had started.
+    pub(crate) lost: Option<Ended>,
+}
+
 /// Runs a wall: this process is the master, and every host becomes a process `terrawall node`.
-pub(crate) fn run(wall: &Wall, scene: &Scene, run: Run) -> Result<MasterOutcome, Failure> {
+pub(crate) fn run(wall: &Wall, scene: &Scene, run: Run) -> Result<Shown, Failure> {
     check_repositories(scene)?;
     let program = std::env::current_exe().context("cannot find this program")?;
     let folder = tempfile::Builder::new()
@@ -74,17 +82,11 @@ pub(crate) fn run(wall: &Wall, scene: &Scene, run: Run) -> Result<MasterOutcome,
     dead.retain(|ended| !ended.status.success());
     let mut dead_before = watched?;
     dead_before.append(&mut dead);
-    match (outcome, dead_before.first()) {
-        (Ok(outcome), None) => Ok(outcome),
-        (Ok(outcome), Some(first)) if outcome.stopped => {
-            tracing::warn!("{first}");
-            Ok(outcome)
-        }
-        (Ok(_), Some(first)) => Err(Failure::failed(format!(
-            "the wall went on without some nodes: {first}"
-        ))),
+    let lost = dead_before.into_iter().next();
+    match (outcome, lost) {
+        (Ok(outcome), lost) => Ok(Shown { outcome, lost }),
         (Err(error), None) => Err(error.into()),
-        (Err(error), Some(first)) => Err(Failure::failed(format!("{error}; {first}"))),
+        (Err(error), Some(lost)) => Err(Failure::failed(format!("{error}; {lost}"))),
     }
 }
 

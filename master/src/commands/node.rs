@@ -44,7 +44,7 @@ fn tell(status: &NodeStatus) {
         NodeStatus::Searching { reason } => tracing::info!("looking for the master: {reason}"),
         NodeStatus::Joined { wall } => tracing::info!("joined the wall \"{wall}\""),
         NodeStatus::Lost { reason } => {
-            tracing::warn!("lost the master, looking for it again: {reason}")
+            tracing::warn!("lost the master, looking for it again: {reason}");
         }
     }
 }

@@ -45,7 +45,7 @@ impl Teller {
             }
             Notice::Entered { node } => tracing::info!(node, "a node keeps step"),
             Notice::Left { node, reason } => {
-                tracing::warn!(node, reason, "a node keeps step no longer")
+                tracing::warn!(node, reason, "a node keeps step no longer");
             }
             Notice::Disconnected { node, reason } => {
                 tracing::info!(node, reason, "the connection of a node is over");

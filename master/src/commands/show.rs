@@ -40,8 +40,14 @@ pub(crate) fn up(args: &Up) -> Result<(), Failure> {
         frames: show.frames,
         capture: show.capture.is_some(),
     };
-    let outcome = local::run(&wall, &scene, run)?;
-    finish(show, &wall, &outcome)
+    let shown = local::run(&wall, &scene, run)?;
+    finish(show, &wall, &shown.outcome)?;
+    match shown.lost {
+        Some(lost) if !shown.outcome.stopped => Err(Failure::failed(format!(
+            "the wall went on without some nodes: {lost}"
+        ))),
+        _ => Ok(()),
+    }
 }
 
 /// Runs the master of a wall whose nodes are started on their hosts.

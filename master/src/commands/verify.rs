@@ -106,7 +106,9 @@ fn picture(wall: &Wall, scene: &Scene) -> Result<Shown, anyhow::Error> {
         frames: Some(1),
         capture: true,
     };
-    let outcome = local::run(wall, scene, run).map_err(Failure::into_error)?;
+    let outcome = local::run(wall, scene, run)
+        .map_err(Failure::into_error)?
+        .outcome;
     if outcome.stopped {
         anyhow::bail!("interrupted");
     }

@@ -145,7 +145,11 @@ impl Nodes {
                 format!("{NODE}_BROKEN"),
                 self.drawing.broken_scene.to_string(),
             )
-            .envs(self.log.iter().map(|log| (format!("{NODE}_LOG"), log.join(name))))
+            .envs(
+                self.log
+                    .iter()
+                    .map(|log| (format!("{NODE}_LOG"), log.join(name))),
+            )
             .stdin(Stdio::null())
             .stdout(Stdio::null())
             .stderr(Stdio::piped())
@@ -317,7 +321,9 @@ pub(crate) fn true_skews_us(log: &Path) -> Vec<i64> {
             moments_us.push(moment_us.parse().unwrap());
         }
     }
-    let complete = frames.into_values().filter(|moments_us| moments_us.len() == nodes);
+    let complete = frames
+        .into_values()
+        .filter(|moments_us| moments_us.len() == nodes);
     let spread = |us: Vec<i64>| us.iter().max().unwrap() - us.iter().min().unwrap();
     let mut skews_us: Vec<i64> = complete.map(spread).collect();
     skews_us.sort_unstable();

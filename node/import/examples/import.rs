@@ -45,7 +45,12 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
                 let [west, south, east, north] = numbers(text)?[..] else {
                     return Err("extent=WEST,SOUTH,EAST,NORTH".into());
                 };
-                options.extent = Some(Extent { west, south, east, north });
+                options.extent = Some(Extent {
+                    west,
+                    south,
+                    east,
+                    north,
+                });
             }
             Some(("crs", text)) => options.crs = Some(text.to_owned()),
             Some(("level", text)) => options.level = Some(text.parse()?),

@@ -28,7 +28,10 @@ const WGS84: &str = "+proj=longlat +datum=WGS84 +no_defs";
 impl Crs {
     /// Longitude and latitude in degrees on the planet.
     pub(crate) fn degrees() -> Self {
-        Self { name: "longitude and latitude".to_owned(), method: Method::Degrees }
+        Self {
+            name: "longitude and latitude".to_owned(),
+            method: Method::Degrees,
+        }
     }
 
     /// What a user wrote: `EPSG:number` or a PROJ string.
@@ -37,7 +40,9 @@ impl Crs {
         if text.starts_with('+') {
             return Self::from_proj(text, text, planet);
         }
-        let number = text.strip_prefix("EPSG:").or_else(|| text.strip_prefix("epsg:"));
+        let number = text
+            .strip_prefix("EPSG:")
+            .or_else(|| text.strip_prefix("epsg:"));
         match number.map(str::parse::<u32>) {
             Some(Ok(code)) => Self::from_epsg(code, planet),
             _ => Err(CrsProblem(format!(
@@ -48,9 +53,13 @@ impl Crs {
 
     /// An EPSG number.
     pub(crate) fn from_epsg(code: u32, planet: &Ellipsoid) -> Result<Self, CrsProblem> {
-        let definition = u16::try_from(code).ok().and_then(crs_definitions::from_code);
+        let definition = u16::try_from(code)
+            .ok()
+            .and_then(crs_definitions::from_code);
         let Some(definition) = definition else {
-            return Err(CrsProblem(format!("the coordinate system EPSG:{code} is not known")));
+            return Err(CrsProblem(format!(
+                "the coordinate system EPSG:{code} is not known"
+            )));
         };
         Self::from_proj(definition.proj4, &format!("EPSG:{code}"), planet)
     }
@@ -80,17 +89,24 @@ impl Crs {
             kept.push(word);
         }
         let method = |key: &str| kept.iter().find_map(|word| word.strip_prefix(key));
-        let Some(projection) = method("+proj=") else { return refuse("has no +proj=") };
+        let Some(projection) = method("+proj=") else {
+            return refuse("has no +proj=");
+        };
         let geographic = matches!(projection, "longlat" | "latlong" | "lonlat" | "latlon");
         let earth = *planet == Ellipsoid::EARTH;
         let shifts = kept.iter().any(|word| {
-            word.strip_prefix("+towgs84=").is_some_and(|shift| {
-                shift.split(',').any(|part| part.parse::<f64>().map_or(true, |value| value != 0.0))
-            }) || word.strip_prefix("+datum=").is_some_and(|d| !matches!(d, "WGS84" | "NAD83"))
+            word.strip_prefix("+towgs84=")
+                .is_some_and(|shift| shift.split(',').any(|part| part.parse::<f64>() != Ok(0.0)))
+                || word
+                    .strip_prefix("+datum=")
+                    .is_some_and(|d| !matches!(d, "WGS84" | "NAD83"))
         });
         let greenwich = method("+pm=").is_none_or(|meridian| meridian == "greenwich");
         if geographic && greenwich && !(shifts && earth) {
-            return Ok(Self { name: name.to_owned(), method: Method::Degrees });
+            return Ok(Self {
+                name: name.to_owned(),
+                method: Method::Degrees,
+            });
         }
         if projection == "geocent" {
             return refuse("is geocentric; a raster needs a map projection");
@@ -103,14 +119,20 @@ impl Crs {
         let base = if earth {
             WGS84.to_owned()
         } else {
-            format!("+proj=longlat +a={} +b={} +no_defs", planet.semi_major_m, planet.semi_minor_m)
+            format!(
+                "+proj=longlat +a={} +b={} +no_defs",
+                planet.semi_major_m, planet.semi_minor_m
+            )
         };
         let planet = match Proj::from_proj_string(&base) {
             Ok(planet) => planet,
             Err(error) => return refuse(&format!("cannot be used: {error}")),
         };
         let (planet, own) = (Box::new(planet), Box::new(own));
-        Ok(Self { name: name.to_owned(), method: Method::Proj { planet, own } })
+        Ok(Self {
+            name: name.to_owned(),
+            method: Method::Proj { planet, own },
+        })
     }
 
     /// The name for messages: `EPSG:32630`.
@@ -192,7 +214,13 @@ mod tests {
 
     #[test]
     fn systems_that_need_grids_or_odd_axes_are_refused() {
-        for text in ["EPSG:4267", "EPSG:99999999", "EPSG:4978", "WGS84", "+proj=utm +zone=33 +axis=wsu"] {
+        for text in [
+            "EPSG:4267",
+            "EPSG:99999999",
+            "EPSG:4978",
+            "WGS84",
+            "+proj=utm +zone=33 +axis=wsu",
+        ] {
             assert!(Crs::parse(text, &Ellipsoid::EARTH).is_err(), "{text}");
         }
     }

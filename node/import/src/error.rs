@@ -98,11 +98,17 @@ pub enum ImportError {
 
 impl SourceError {
     pub(crate) fn unreadable(file: &str, source: io::Error) -> Self {
-        Self::Unreadable { file: file.to_owned(), source }
+        Self::Unreadable {
+            file: file.to_owned(),
+            source,
+        }
     }
 
     pub(crate) fn damaged(file: &str, problem: impl Into<String>) -> Self {
-        Self::Damaged { file: file.to_owned(), problem: problem.into() }
+        Self::Damaged {
+            file: file.to_owned(),
+            problem: problem.into(),
+        }
     }
 
     pub(crate) fn refused(
@@ -110,7 +116,11 @@ impl SourceError {
         problem: impl Into<String>,
         remedy: impl Into<String>,
     ) -> Self {
-        Self::Refused { file: file.to_owned(), problem: problem.into(), remedy: remedy.into() }
+        Self::Refused {
+            file: file.to_owned(),
+            problem: problem.into(),
+            remedy: remedy.into(),
+        }
     }
 }
 
@@ -131,12 +141,17 @@ impl ImportError {
     pub(crate) fn repository(directory: &Path, error: &RepositoryError) -> Self {
         let full = match error {
             RepositoryError::Write(PublishError::Full { path, .. }) => Some(path),
-            RepositoryError::Dataset(DatasetError::Write(PublishError::Full { path, .. })) => Some(path),
+            RepositoryError::Dataset(DatasetError::Write(PublishError::Full { path, .. })) => {
+                Some(path)
+            }
             _ => None,
         };
         match full {
             Some(path) => Self::DiskFull { path: path.clone() },
-            None => Self::Repository { directory: directory.to_owned(), problem: error.to_string() },
+            None => Self::Repository {
+                directory: directory.to_owned(),
+                problem: error.to_string(),
+            },
         }
     }
 
@@ -146,7 +161,32 @@ impl ImportError {
         if source.kind() == io::ErrorKind::StorageFull {
             Self::DiskFull { path }
         } else {
-            Self::Io { path, action, source }
+            Self::Io {
+                path,
+                action,
+                source,
+            }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_full_disk_is_named_and_can_be_continued() {
+        let full = io::Error::from(io::ErrorKind::StorageFull);
+        let message = ImportError::io(Path::new("out/tile"), "write", full).to_string();
+        assert!(
+            message.contains("out/tile: the disk is full") && message.contains("continues"),
+            "{message}"
+        );
+        let full = PublishError::Full {
+            path: "out/index.bin".into(),
+            bytes: 1,
+        };
+        let message = ImportError::repository(Path::new("out"), &full.into()).to_string();
+        assert!(message.contains("index.bin: the disk is full"), "{message}");
     }
 }

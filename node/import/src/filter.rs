@@ -37,19 +37,36 @@ pub(crate) fn filtered<T: Sample>(
         return false;
     }
     let last = (1_u32 << view.tile.level()) - 1;
-    let on = |index: i64, place: u32| (index == 0 && place == 0) || (index == CELLS && place == last);
+    let on =
+        |index: i64, place: u32| (index == 0 && place == 0) || (index == CELLS && place == last);
     let kernel: &[(i64, i64, i64)] = match (on(i, view.tile.x()), on(j, view.tile.y())) {
         (false, false) => &INSIDE,
         (true, false) => &ALONG_J,
         (false, true) => &ALONG_I,
         (true, true) => &ALONE,
     };
+    let channels = view.channels;
+    let row = STORED_NODES * channels;
+    if view.full && kernel.len() == INSIDE.len() {
+        for (channel, target) in result.iter_mut().enumerate() {
+            let middle = node * channels + channel;
+            let sample = |place: usize| view.values.get(place).copied().unwrap_or_default();
+            let line = |at: usize| [sample(at - channels), sample(at), sample(at + channels)];
+            let ([a, b, c], [d, e, f], [g, h, i]) =
+                (line(middle - row), line(middle), line(middle + row));
+            *target = T::smooth([a, b, c, d, e, f, g, h, i], colour);
+        }
+        return true;
+    }
     let mut terms = [(0_i64, T::default()); 9];
     for (channel, target) in result.iter_mut().enumerate() {
         let mut count = 0;
         for (di, dj, weight) in kernel {
             let place = node as i64 + dj * STORED_NODES as i64 + di;
-            if let Some(value) = view.get(place as usize).and_then(|samples| samples.get(channel)) {
+            if let Some(value) = view
+                .get(place as usize)
+                .and_then(|samples| samples.get(channel))
+            {
                 terms[count] = (*weight, *value);
                 count += 1;
             }
@@ -75,7 +92,11 @@ pub(crate) fn children_in_reach(tile: Tile) -> impl Iterator<Item = (Tile, i64, 
 
 /// Tiles of the next finer level that hold a node of a tile, where the node stands in the finer lattice too.
 pub(crate) fn finer_tiles_at(point: LatticePoint) -> Vec<(Tile, i64, i64)> {
-    let Some(finer) = point.at_level(point.level() + 1) else { return Vec::new() };
+    let Some(finer) = point.at_level(point.level() + 1) else {
+        return Vec::new();
+    };
     let places = finer.tiles().into_iter();
-    places.filter_map(|tile| finer.within(tile).map(|(i, j)| (tile, i, j))).collect()
+    places
+        .filter_map(|tile| finer.within(tile).map(|(i, j)| (tile, i, j)))
+        .collect()
 }

@@ -59,7 +59,9 @@ impl GeoTags {
 
     fn entry(&self, wanted: u16) -> Option<&[u16]> {
         let entries = self.directory.get(4..)?;
-        entries.chunks_exact(4).find(|entry| entry.first() == Some(&wanted))
+        entries
+            .chunks_exact(4)
+            .find(|entry| entry.first() == Some(&wanted))
     }
 
     fn code(&self, wanted: u16) -> Option<u32> {
@@ -107,8 +109,14 @@ impl GeoTags {
         if let [a, b, _, d, e, f, _, h, ..] = self.transformation[..]
             && self.transformation.len() >= 16
         {
-            let affine =
-                Affine { x0: d, dx_column: a, dx_row: b, y0: h, dy_column: e, dy_row: f };
+            let affine = Affine {
+                x0: d,
+                dx_column: a,
+                dx_row: b,
+                y0: h,
+                dy_column: e,
+                dy_row: f,
+            };
             return Ok(affine);
         }
         match (&self.pixel_scale[..], &self.tie_points[..]) {
@@ -158,21 +166,29 @@ impl GeoTags {
         if let Some(unit) = self.code(key::ANGULAR_UNITS)
             && unit != 9102
         {
-            return Err(CrsProblem(format!("its angles are not in degrees (unit {unit})")));
+            return Err(CrsProblem(format!(
+                "its angles are not in degrees (unit {unit})"
+            )));
         }
         if let Some(code) = self.code(key::GEODETIC_CRS)
             && code != USER_DEFINED
         {
-            let definition = u16::try_from(code).ok().and_then(crs_definitions::from_code);
+            let definition = u16::try_from(code)
+                .ok()
+                .and_then(crs_definitions::from_code);
             let Some(definition) = definition else {
-                return Err(CrsProblem(format!("the coordinate system EPSG:{code} is not known")));
+                return Err(CrsProblem(format!(
+                    "the coordinate system EPSG:{code} is not known"
+                )));
             };
             let words = definition.proj4.split_whitespace();
             if definition.proj4.starts_with("+proj=longlat") {
                 let kept = words.filter(|w| !w.starts_with("+proj=") && *w != "+no_defs");
                 return Ok(kept.collect::<Vec<_>>().join(" "));
             }
-            return Err(CrsProblem(format!("EPSG:{code} is not geographic, but stands as its base")));
+            return Err(CrsProblem(format!(
+                "EPSG:{code} is not geographic, but stands as its base"
+            )));
         }
         let meridian = self.code(key::PRIME_MERIDIAN);
         let off = self.number(key::PRIME_MERIDIAN_LONGITUDE).unwrap_or(0.0);
@@ -184,7 +200,9 @@ impl GeoTags {
             Some(6269) => return Ok("+datum=NAD83".to_owned()),
             Some(6258 | 6171) => return Ok("+ellps=GRS80 +towgs84=0,0,0,0,0,0,0".to_owned()),
             Some(code) if code != USER_DEFINED => {
-                return Err(CrsProblem(format!("its datum EPSG:{code} is not known here")));
+                return Err(CrsProblem(format!(
+                    "its datum EPSG:{code} is not known here"
+                )));
             }
             _ => {}
         }
@@ -202,7 +220,9 @@ impl GeoTags {
         match self.code(key::ELLIPSOID) {
             Some(7030) => Ok("+ellps=WGS84".to_owned()),
             Some(7019) => Ok("+ellps=GRS80".to_owned()),
-            Some(code) => Err(CrsProblem(format!("its ellipsoid EPSG:{code} is not known here"))),
+            Some(code) => Err(CrsProblem(format!(
+                "its ellipsoid EPSG:{code} is not known here"
+            ))),
             None => Err(CrsProblem("its keys name no ellipsoid".to_owned())),
         }
     }
@@ -213,14 +233,23 @@ impl GeoTags {
         {
             return Crs::from_epsg(code, planet);
         }
-        let name = self.text(key::CITATION).unwrap_or("of its own").trim().to_owned();
-        let unit = match (self.code(key::LINEAR_UNITS), self.number(key::LINEAR_UNIT_SIZE)) {
+        let name = self
+            .text(key::CITATION)
+            .unwrap_or("of its own")
+            .trim()
+            .to_owned();
+        let unit = match (
+            self.code(key::LINEAR_UNITS),
+            self.number(key::LINEAR_UNIT_SIZE),
+        ) {
             (None | Some(9001), _) => 1.0,
             (Some(9002), _) => METRES_A_FOOT,
             (Some(9003), _) => METRES_A_SURVEY_FOOT,
             (Some(USER_DEFINED), Some(size)) if size > 0.0 => size,
             (Some(unit), _) => {
-                return Err(CrsProblem(format!("its unit of length EPSG:{unit} is not known here")));
+                return Err(CrsProblem(format!(
+                    "its unit of length EPSG:{unit} is not known here"
+                )));
             }
         };
         let base = self.base()?;
@@ -228,7 +257,9 @@ impl GeoTags {
             Some(code @ 16001..=16060) => format!("+proj=utm +zone={}", code - 16000),
             Some(code @ 16101..=16160) => format!("+proj=utm +zone={} +south", code - 16100),
             Some(code) if code != USER_DEFINED => {
-                return Err(CrsProblem(format!("its projection EPSG:{code} is not known here")));
+                return Err(CrsProblem(format!(
+                    "its projection EPSG:{code} is not known here"
+                )));
             }
             _ => self.method(&name, unit)?,
         };
@@ -240,7 +271,9 @@ impl GeoTags {
     fn method(&self, name: &str, unit: f64) -> Result<String, CrsProblem> {
         // The first of several keys that writers use for one parameter; none of them: its neutral value.
         let first = |keys: &[u16], neutral: f64| {
-            keys.iter().find_map(|key| self.number(*key)).unwrap_or(neutral)
+            keys.iter()
+                .find_map(|key| self.number(*key))
+                .unwrap_or(neutral)
         };
         let longitude = first(&[3080, 3084, 3088, 3095], 0.0);
         let latitude = first(&[3081, 3085, 3089], 0.0);
@@ -250,8 +283,12 @@ impl GeoTags {
         let (first_parallel, second_parallel) = (self.number(3078), self.number(3079));
         let offsets = format!("+lon_0={longitude} +x_0={x} +y_0={y}");
         let parallels = |name: &str| match (first_parallel, second_parallel) {
-            (Some(a), Some(b)) => Ok(format!("+proj={name} +lat_1={a} +lat_2={b} +lat_0={latitude}")),
-            _ => Err(CrsProblem("its conic projection lacks a standard parallel".to_owned())),
+            (Some(a), Some(b)) => Ok(format!(
+                "+proj={name} +lat_1={a} +lat_2={b} +lat_0={latitude}"
+            )),
+            _ => Err(CrsProblem(
+                "its conic projection lacks a standard parallel".to_owned(),
+            )),
         };
         let method = match self.code(key::PROJECTION_METHOD) {
             Some(1) => format!("+proj=tmerc +lat_0={latitude} +k={scale}"),
@@ -268,7 +305,10 @@ impl GeoTags {
             }
             Some(15) if latitude != 0.0 => {
                 // Here the "latitude of origin" is the latitude of true scale.
-                format!("+proj=stere +lat_0={} +lat_ts={latitude}", 90.0_f64.copysign(latitude))
+                format!(
+                    "+proj=stere +lat_0={} +lat_ts={latitude}",
+                    90.0_f64.copysign(latitude)
+                )
             }
             Some(17) => format!(
                 "+proj=eqc +lat_ts={} +lat_0={latitude}",
@@ -299,9 +339,9 @@ mod tests {
     fn a_user_defined_albers_projection_is_read() {
         let tags = GeoTags {
             directory: vec![
-                1, 1, 0, 12, 1024, 0, 1, 1, 1025, 0, 1, 1, 2048, 0, 1, 4326, 2054, 0, 1, 9102, 3072, 0, 1,
-                32767, 3074, 0, 1, 32767, 3075, 0, 1, 11, 3076, 0, 1, 9001, 3078, 34736, 1, 0, 3079,
-                34736, 1, 1, 3080, 34736, 1, 3, 3081, 34736, 1, 2,
+                1, 1, 0, 12, 1024, 0, 1, 1, 1025, 0, 1, 1, 2048, 0, 1, 4326, 2054, 0, 1, 9102,
+                3072, 0, 1, 32767, 3074, 0, 1, 32767, 3075, 0, 1, 11, 3076, 0, 1, 9001, 3078,
+                34736, 1, 0, 3079, 34736, 1, 1, 3080, 34736, 1, 3, 3081, 34736, 1, 2,
             ],
             doubles: vec![29.5, 45.5, 23.0, -96.0],
             ..GeoTags::default()
@@ -316,15 +356,26 @@ mod tests {
     #[test]
     fn what_is_not_certain_is_refused() {
         let keys = |directory: &[u16]| {
-            let tags = GeoTags { directory: directory.to_vec(), ..GeoTags::default() };
+            let tags = GeoTags {
+                directory: directory.to_vec(),
+                ..GeoTags::default()
+            };
             tags.crs(&Ellipsoid::EARTH).map(|crs| crs.name().to_owned())
         };
         assert!(keys(&[]).is_err());
         assert!(keys(&[1, 1, 0, 1, 1024, 0, 1, 3]).is_err());
         assert!(keys(&[1, 1, 0, 2, 1024, 0, 1, 1, 3072, 0, 1, 32767]).is_err());
         // Grads.
-        assert!(keys(&[1, 1, 0, 3, 1024, 0, 1, 2, 2048, 0, 1, 4326, 2054, 0, 1, 9105]).is_err());
-        assert_eq!(keys(&[1, 1, 0, 2, 1024, 0, 1, 2, 2048, 0, 1, 4326]).unwrap(), "EPSG:4326");
+        assert!(
+            keys(&[
+                1, 1, 0, 3, 1024, 0, 1, 2, 2048, 0, 1, 4326, 2054, 0, 1, 9105
+            ])
+            .is_err()
+        );
+        assert_eq!(
+            keys(&[1, 1, 0, 2, 1024, 0, 1, 2, 2048, 0, 1, 4326]).unwrap(),
+            "EPSG:4326"
+        );
     }
 
     #[test]

@@ -134,8 +134,17 @@ impl Grid {
         extent: Extent,
         node_registered: bool,
     ) -> Result<Self, String> {
-        let Extent { west, south, east, north } = extent;
-        let span = if east > west { east - west } else { east + 360.0 - west };
+        let Extent {
+            west,
+            south,
+            east,
+            north,
+        } = extent;
+        let span = if east > west {
+            east - west
+        } else {
+            east + 360.0 - west
+        };
         let fine = [west, south, east, north].iter().all(|v| v.is_finite())
             && west.abs() <= 360.0
             && east.abs() <= 360.0
@@ -149,7 +158,13 @@ impl Grid {
                 "the extent {west},{south},{east},{north} is no rectangle in degrees"
             ));
         }
-        let cells = |samples: u32| f64::from(if node_registered { samples - 1 } else { samples });
+        let cells = |samples: u32| {
+            f64::from(if node_registered {
+                samples - 1
+            } else {
+                samples
+            })
+        };
         if node_registered && (width < 2 || height < 2) {
             return Err("a grid of less than 2×2 samples cannot be node-registered".to_owned());
         }
@@ -162,8 +177,18 @@ impl Grid {
             dy_column: 0.0,
             dy_row: dy,
         };
-        let to_crs = if node_registered { first } else { first.moved(0.5, 0.5) };
-        Self::new(width, height, Arc::new(Crs::degrees()), to_crs, node_registered)
+        let to_crs = if node_registered {
+            first
+        } else {
+            first.moved(0.5, 0.5)
+        };
+        Self::new(
+            width,
+            height,
+            Arc::new(Crs::degrees()),
+            to_crs,
+            node_registered,
+        )
     }
 
     /// x and y of a position.
@@ -206,7 +231,11 @@ impl Grid {
     /// Latitude and longitude in degrees of a position.
     pub(crate) fn angles_deg(&self, column: f64, row: f64) -> Option<(f64, f64)> {
         let (x, y) = self.to_crs.apply(column, row);
-        let y = if self.crs.is_plain_degrees() { y.clamp(-90.0, 90.0) } else { y };
+        let y = if self.crs.is_plain_degrees() {
+            y.clamp(-90.0, 90.0)
+        } else {
+            y
+        };
         self.crs.inverse(x, y)
     }
 
@@ -218,11 +247,16 @@ impl Grid {
     /// Brings a position into the grid: by a whole turn where columns are longitudes, and onto the outer
     /// samples from within the margin. `None` outside. A millionth of a sample counts as inside.
     pub(crate) fn place(&self, position: Position) -> Option<Position> {
-        let Position { mut column, mut row } = position;
+        let Position {
+            mut column,
+            mut row,
+        } = position;
         let margin = self.margin() + 1e-6;
         let (last_column, last_row) = (f64::from(self.width - 1), f64::from(self.height - 1));
         if self.wraps() {
-            column -= self.period * (column / self.period).floor();
+            if !(0.0..self.period).contains(&column) {
+                column = column.rem_euclid(self.period);
+            }
         } else {
             if self.period > 0.0 {
                 if column < -margin {
@@ -251,7 +285,12 @@ mod tests {
     use super::*;
 
     fn extent(west: f64, south: f64, east: f64, north: f64) -> Extent {
-        Extent { west, south, east, north }
+        Extent {
+            west,
+            south,
+            east,
+            north,
+        }
     }
 
     #[test]
@@ -259,9 +298,17 @@ mod tests {
         let globe = Grid::of_extent(360, 180, extent(-180.0, -90.0, 180.0, 90.0), false).unwrap();
         assert!(globe.wraps());
         let place = |latitude, longitude| {
-            globe.place(globe.position(latitude, longitude, None).unwrap()).unwrap()
+            globe
+                .place(globe.position(latitude, longitude, None).unwrap())
+                .unwrap()
         };
-        assert_eq!(place(89.5, -179.5), Position { column: 0.0, row: 0.0 });
+        assert_eq!(
+            place(89.5, -179.5),
+            Position {
+                column: 0.0,
+                row: 0.0
+            }
+        );
         let west_of_the_first = place(0.0, 179.9);
         assert!((west_of_the_first.column - 359.4).abs() < 1e-9);
         assert_eq!(place(90.0, 0.5).row, 0.0);
@@ -274,7 +321,9 @@ mod tests {
     fn an_extent_may_cross_the_antimeridian() {
         let grid = Grid::of_extent(21, 11, extent(170.0, -5.0, -170.0, 5.0), true).unwrap();
         let column = |longitude| {
-            grid.position(0.0, longitude, None).and_then(|p| grid.place(p)).map(|p| p.column)
+            grid.position(0.0, longitude, None)
+                .and_then(|p| grid.place(p))
+                .map(|p| p.column)
         };
         assert_eq!(column(175.0), Some(5.0));
         assert_eq!(column(-175.0), Some(15.0));
@@ -284,9 +333,11 @@ mod tests {
 
     #[test]
     fn senseless_extents_are_refused() {
-        for (west, south, east, north) in
-            [(0.0, 10.0, 10.0, 0.0), (0.0, -91.0, 10.0, 0.0), (f64::NAN, 0.0, 1.0, 1.0)]
-        {
+        for (west, south, east, north) in [
+            (0.0, 10.0, 10.0, 0.0),
+            (0.0, -91.0, 10.0, 0.0),
+            (f64::NAN, 0.0, 1.0, 1.0),
+        ] {
             assert!(Grid::of_extent(10, 10, extent(west, south, east, north), false).is_err());
         }
     }

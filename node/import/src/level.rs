@@ -29,8 +29,12 @@ pub(crate) struct Spacing {
 impl Spacing {
     /// Measures a grid on a planet.
     pub(crate) fn of(grid: &Grid, planet: &Ellipsoid) -> Self {
-        let mut spacing =
-            Self { column_m: 0.0, row_m: 0.0, widest_cell_m: 0.0, narrowest_cell_m: f64::INFINITY };
+        let mut spacing = Self {
+            column_m: 0.0,
+            row_m: 0.0,
+            widest_cell_m: 0.0,
+            narrowest_cell_m: f64::INFINITY,
+        };
         let place = |column: f64, row: f64| {
             let (latitude, longitude) = grid.angles_deg(column, row)?;
             Some(Ellipsoid::normal(latitude, longitude))
@@ -39,7 +43,9 @@ impl Spacing {
         for k in 0..PROBES {
             for l in 0..PROBES {
                 let (column, row) = (step(grid.width - 1, k), step(grid.height - 1, l));
-                let Some(normal) = place(column, row) else { continue };
+                let Some(normal) = place(column, row) else {
+                    continue;
+                };
                 let here = planet.point(normal, 0.0);
                 let distance = |dc: f64, dr: f64| {
                     let beside = place(column + dc, row + dr).or(place(column - dc, row - dr));
@@ -50,7 +56,11 @@ impl Spacing {
                 let at = TilePosition::of_normal(normal, MEASURED_LEVEL);
                 let near = |i: f64, j: f64| {
                     let inward = |k: f64, d: f64| if k + d > 256.0 { k - d } else { k + d };
-                    let beside = TilePosition { tile: at.tile, i: inward(at.i, i), j: inward(at.j, j) };
+                    let beside = TilePosition {
+                        tile: at.tile,
+                        i: inward(at.i, i),
+                        j: inward(at.j, j),
+                    };
                     let cells = 2.0_f64.powi(i32::from(MEASURED_LEVEL));
                     planet.point(beside.normal(), 0.0).distance(here) * cells
                 };
@@ -100,7 +110,9 @@ pub(crate) fn touched(
         });
         // Probes can miss the tip of a corner: neighbours come along and are dropped if they stay empty.
         for (tile, row) in tiles.values() {
-            let beside = Direction::ALL.into_iter().filter_map(|direction| tile.neighbour(direction));
+            let beside = Direction::ALL
+                .into_iter()
+                .filter_map(|direction| tile.neighbour(direction));
             for tile in beside.chain([*tile]) {
                 let order = reading_order(source, *number, *row);
                 let entry = found.entry(tile.id()).or_insert((order, Vec::new()));
@@ -115,7 +127,10 @@ pub(crate) fn touched(
         .filter_map(|(id, (order, numbers))| Some((order, Tile::from_id(id)?, numbers)))
         .collect();
     tiles.sort_by_key(|(order, tile, _)| (*order, tile.id()));
-    tiles.into_iter().map(|(_, tile, numbers)| (tile, numbers)).collect()
+    tiles
+        .into_iter()
+        .map(|(_, tile, numbers)| (tile, numbers))
+        .collect()
 }
 
 /// Sources in whole rows are read from first to last row, tiled ones along the quadtree's curve.
@@ -133,9 +148,14 @@ fn probe(grid: &Grid, spacing: Spacing, level: u8, mut visit: impl FnMut(Tile, f
     let tile_m = 256.0 * spacing.narrowest_cell_m / f64::from(1_u32 << level);
     let steps = |samples: u32, distance_m: f64| {
         let reach = f64::from(samples - 1) + 2.0 * grid.margin();
-        (reach * distance_m / (PROBE_STEP * tile_m)).ceil().clamp(1.0, 1e6) as u32
+        (reach * distance_m / (PROBE_STEP * tile_m))
+            .ceil()
+            .clamp(1.0, 1e6) as u32
     };
-    let (across, down) = (steps(grid.width, spacing.column_m), steps(grid.height, spacing.row_m));
+    let (across, down) = (
+        steps(grid.width, spacing.column_m),
+        steps(grid.height, spacing.row_m),
+    );
     let at = |samples: u32, k: u32, steps: u32| {
         let reach = f64::from(samples - 1) + 2.0 * grid.margin();
         reach * f64::from(k) / f64::from(steps) - grid.margin()
@@ -161,7 +181,12 @@ mod tests {
     #[test]
     fn levels_are_the_next_finer_ones() {
         let globe = |width, height| {
-            let extent = Extent { west: -180.0, south: -90.0, east: 180.0, north: 90.0 };
+            let extent = Extent {
+                west: -180.0,
+                south: -90.0,
+                east: 180.0,
+                north: 90.0,
+            };
             let grid = Grid::of_extent(width, height, extent, false).unwrap();
             Spacing::of(&grid, &Ellipsoid::EARTH).level()
         };

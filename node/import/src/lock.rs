@@ -38,7 +38,10 @@ impl Lock {
                         "" => "unknown".to_owned(),
                         number => number.to_owned(),
                     };
-                    return Err(ImportError::Locked { directory: directory.to_owned(), holder });
+                    return Err(ImportError::Locked {
+                        directory: directory.to_owned(),
+                        holder,
+                    });
                 }
                 Err(TryLockError::Error(error)) => return Err(failed(error)),
             }

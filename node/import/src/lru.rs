@@ -27,14 +27,24 @@ struct Entry<V> {
 
 impl<K: Copy + Eq + Hash, V: Clone> Lru<K, V> {
     pub(crate) fn new(budget: u64) -> Self {
-        let held =
-            Held { entries: HashMap::new(), by_age: BTreeMap::new(), clock: 0, bytes: 0 };
-        Self { budget, held: Mutex::new(held) }
+        let held = Held {
+            entries: HashMap::new(),
+            by_age: BTreeMap::new(),
+            clock: 0,
+            bytes: 0,
+        };
+        Self {
+            budget,
+            held: Mutex::new(held),
+        }
     }
 
     /// The value of a key, marked as used.
     pub(crate) fn get(&self, key: K) -> Option<V> {
-        self.held.lock().unwrap_or_else(PoisonError::into_inner).touch(key)
+        self.held
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .touch(key)
     }
 
     /// The value of a key, or the one that `make` gives, which must be cheap: others wait meanwhile.
@@ -76,14 +86,23 @@ impl<K: Copy + Eq + Hash, V: Clone> Held<K, V> {
     fn put(&mut self, key: K, value: V, bytes: u64, budget: u64) {
         self.remove(key);
         while self.bytes + bytes > budget {
-            let Some((_, oldest)) = self.by_age.pop_first() else { break };
+            let Some((_, oldest)) = self.by_age.pop_first() else {
+                break;
+            };
             if let Some(entry) = self.entries.remove(&oldest) {
                 self.bytes -= entry.bytes;
             }
         }
         self.clock += 1;
         self.by_age.insert(self.clock, key);
-        self.entries.insert(key, Entry { value, bytes, used: self.clock });
+        self.entries.insert(
+            key,
+            Entry {
+                value,
+                bytes,
+                used: self.clock,
+            },
+        );
         self.bytes += bytes;
     }
 

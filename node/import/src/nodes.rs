@@ -11,8 +11,18 @@ use tiles::{EncodeError, Kind, NODE_COUNT, Samples, TileData, Validity};
 pub(crate) trait Sample: Copy + Default + PartialEq + Send + Sync + 'static {
     /// The nearest sample to a number, clamped to the type's range.
     fn nearest(number: f64) -> Self;
-    /// The sample as a number.
-    fn number(self) -> f64;
+    /// The mean of 3×3 samples, row by row, with the weights 1 2 1, 2 4 2, 1 2 1: what [`Sample::mean`] makes of them.
+    fn smooth(samples: [Self; 9], colour: bool) -> Self {
+        let mut terms = [(0, Self::default()); 9];
+        for ((term, weight), value) in terms
+            .iter_mut()
+            .zip([1, 2, 1, 2, 4, 2, 1, 2, 1])
+            .zip(samples)
+        {
+            *term = (weight, value);
+        }
+        Self::mean(&mut terms, colour)
+    }
     /// Σ weight·value / Σ weight; `weights` are small. In linear light where these are colours.
     fn mean(terms: &mut [(i64, Self)], colour: bool) -> Self;
     /// (Σ weight·value) / 2^shift, the weights adding up to 2^shift ≤ 2^44.
@@ -33,86 +43,137 @@ fn integer_mean(terms: impl Iterator<Item = (i64, i64)>) -> i64 {
 }
 
 fn integer_blend(terms: impl Iterator<Item = (i64, i64)>, shift: u32) -> i64 {
-    let sum: i128 = terms.map(|(weight, value)| i128::from(weight) * i128::from(value)).sum();
+    let sum: i128 = terms
+        .map(|(weight, value)| i128::from(weight) * i128::from(value))
+        .sum();
     ((2 * sum + (1 << shift)) >> (shift + 1)) as i64
+}
+
+/// (Σ weight·value) / 16 with halves rounded up, the weights 1 2 1, 2 4 2, 1 2 1.
+#[inline]
+fn sixteenth([a, b, c, d, e, f, g, h, i]: [i64; 9]) -> i64 {
+    (a + c + g + i + 2 * (b + d + f + h) + 4 * e + 8) >> 4
 }
 
 impl Sample for i32 {
     fn nearest(number: f64) -> Self {
-        number.round_ties_even() as Self
+        // Adding 1.5·2^52 leaves the nearest integer, halves to even, in the low bits of the mantissa, on
+        // processors without a rounding instruction too.
+        let limited = number.clamp(f64::from(Self::MIN), f64::from(Self::MAX));
+        (limited + 6_755_399_441_055_744.0).to_bits() as u32 as Self
     }
-    fn number(self) -> f64 {
-        f64::from(self)
+    fn smooth(samples: [Self; 9], _colour: bool) -> Self {
+        sixteenth(samples.map(i64::from)) as Self
     }
     fn mean(terms: &mut [(i64, Self)], _colour: bool) -> Self {
-        integer_mean(terms.iter().map(|(weight, value)| (*weight, i64::from(*value)))) as Self
+        integer_mean(
+            terms
+                .iter()
+                .map(|(weight, value)| (*weight, i64::from(*value))),
+        ) as Self
     }
     fn blend(terms: &mut [(i64, Self)], shift: u32) -> Self {
-        integer_blend(terms.iter().map(|(weight, value)| (*weight, i64::from(*value))), shift) as Self
+        integer_blend(
+            terms
+                .iter()
+                .map(|(weight, value)| (*weight, i64::from(*value))),
+            shift,
+        ) as Self
     }
     fn wrapped(values: Vec<Self>) -> Samples {
         Samples::I32(values)
     }
     fn of(samples: &Samples) -> Option<&[Self]> {
-        if let Samples::I32(values) = samples { Some(values) } else { None }
+        if let Samples::I32(values) = samples {
+            Some(values)
+        } else {
+            None
+        }
     }
 }
 
 impl Sample for u16 {
     fn nearest(number: f64) -> Self {
-        number.round_ties_even() as Self
-    }
-    fn number(self) -> f64 {
-        f64::from(self)
+        (number + 0.5) as Self
     }
     fn mean(terms: &mut [(i64, Self)], _colour: bool) -> Self {
-        integer_mean(terms.iter().map(|(weight, value)| (*weight, i64::from(*value)))) as Self
+        integer_mean(
+            terms
+                .iter()
+                .map(|(weight, value)| (*weight, i64::from(*value))),
+        ) as Self
     }
     fn blend(terms: &mut [(i64, Self)], shift: u32) -> Self {
-        integer_blend(terms.iter().map(|(weight, value)| (*weight, i64::from(*value))), shift) as Self
+        integer_blend(
+            terms
+                .iter()
+                .map(|(weight, value)| (*weight, i64::from(*value))),
+            shift,
+        ) as Self
     }
     fn wrapped(values: Vec<Self>) -> Samples {
         Samples::U16(values)
     }
     fn of(samples: &Samples) -> Option<&[Self]> {
-        if let Samples::U16(values) = samples { Some(values) } else { None }
+        if let Samples::U16(values) = samples {
+            Some(values)
+        } else {
+            None
+        }
     }
 }
 
 impl Sample for u8 {
     fn nearest(number: f64) -> Self {
-        number.round_ties_even() as Self
+        (number + 0.5) as Self
     }
-    fn number(self) -> f64 {
-        f64::from(self)
+    fn smooth(samples: [Self; 9], colour: bool) -> Self {
+        if !colour {
+            return sixteenth(samples.map(i64::from)) as Self;
+        }
+        let light = &*LIGHT;
+        let linear = samples.map(|value| i64::from(light.of_byte[usize::from(value)]));
+        light.byte_of(sixteenth(linear) as u16)
     }
     fn mean(terms: &mut [(i64, Self)], colour: bool) -> Self {
         if !colour {
-            let terms = terms.iter().map(|(weight, value)| (*weight, i64::from(*value)));
+            let terms = terms
+                .iter()
+                .map(|(weight, value)| (*weight, i64::from(*value)));
             return integer_mean(terms) as Self;
         }
         let light = &*LIGHT;
         let linear = |value: Self| i64::from(light.of_byte[usize::from(value)]);
-        let mean = integer_mean(terms.iter().map(|(weight, value)| (*weight, linear(*value))));
+        let mean = integer_mean(
+            terms
+                .iter()
+                .map(|(weight, value)| (*weight, linear(*value))),
+        );
         light.byte_of(mean as u16)
     }
     fn blend(terms: &mut [(i64, Self)], shift: u32) -> Self {
-        integer_blend(terms.iter().map(|(weight, value)| (*weight, i64::from(*value))), shift) as Self
+        integer_blend(
+            terms
+                .iter()
+                .map(|(weight, value)| (*weight, i64::from(*value))),
+            shift,
+        ) as Self
     }
     fn wrapped(values: Vec<Self>) -> Samples {
         Samples::U8(values)
     }
     fn of(samples: &Samples) -> Option<&[Self]> {
-        if let Samples::U8(values) = samples { Some(values) } else { None }
+        if let Samples::U8(values) = samples {
+            Some(values)
+        } else {
+            None
+        }
     }
 }
 
 impl Sample for f32 {
     fn nearest(number: f64) -> Self {
         number as Self
-    }
-    fn number(self) -> f64 {
-        f64::from(self)
     }
     fn mean(terms: &mut [(i64, Self)], _colour: bool) -> Self {
         // Another face lists the terms in another order: sorting makes the rounding the same.
@@ -131,7 +192,11 @@ impl Sample for f32 {
         Samples::F32(values)
     }
     fn of(samples: &Samples) -> Option<&[Self]> {
-        if let Samples::F32(values) = samples { Some(values) } else { None }
+        if let Samples::F32(values) = samples {
+            Some(values)
+        } else {
+            None
+        }
     }
 }
 
@@ -145,14 +210,24 @@ struct Light {
 static LIGHT: LazyLock<Light> = LazyLock::new(|| {
     let of_byte: [u16; 256] = std::array::from_fn(|byte| {
         let v = byte as f64 / 255.0;
-        let linear = if v <= 0.040_45 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) };
+        let linear = if v <= 0.040_45 {
+            v / 12.92
+        } else {
+            ((v + 0.055) / 1.055).powf(2.4)
+        };
         (linear * 65_535.0).round() as u16
     });
-    let mut light = Light { of_byte, start: Vec::new() };
+    let mut light = Light {
+        of_byte,
+        start: Vec::new(),
+    };
     light.start = (0..4096_u32)
         .map(|slot| {
             let value = (slot << 4) as u16;
-            light.of_byte.partition_point(|entry| *entry <= value).saturating_sub(1) as u8
+            light
+                .of_byte
+                .partition_point(|entry| *entry <= value)
+                .saturating_sub(1) as u8
         })
         .collect();
     light
@@ -161,9 +236,16 @@ static LIGHT: LazyLock<Light> = LazyLock::new(|| {
 impl Light {
     /// The byte whose light is nearest; the darker of two equally near.
     fn byte_of(&self, value: u16) -> u8 {
-        let mut byte = self.start.get(usize::from(value >> 4)).copied().unwrap_or(0);
+        let mut byte = self
+            .start
+            .get(usize::from(value >> 4))
+            .copied()
+            .unwrap_or(0);
         while byte < 255 {
-            let (low, high) = (self.of_byte[usize::from(byte)], self.of_byte[usize::from(byte) + 1]);
+            let (low, high) = (
+                self.of_byte[usize::from(byte)],
+                self.of_byte[usize::from(byte) + 1],
+            );
             // Nearer to the upper neighbour: 2·value > low + high.
             if 2 * u32::from(value) <= u32::from(low) + u32::from(high) {
                 break;
@@ -195,18 +277,25 @@ impl<T: Sample> Nodes<T> {
         let values = T::of(&data.samples)?.to_vec();
         let valid = match &data.validity {
             Validity::All => vec![true; NODE_COUNT],
-            validity => (0..NODE_COUNT).map(|node| validity.is_valid(node)).collect(),
+            validity => (0..NODE_COUNT)
+                .map(|node| validity.is_valid(node))
+                .collect(),
         };
-        Some(Self { channels: usize::from(data.channels), values, valid })
+        Some(Self {
+            channels: usize::from(data.channels),
+            values,
+            valid,
+        })
     }
 
     /// Sets node (i, j), both −9…265.
     pub(crate) fn set(&mut self, i: i64, j: i64, value: &[T]) {
         let node = TileData::index(i, j);
         let start = node * self.channels;
-        if let (Some(target), Some(valid)) =
-            (self.values.get_mut(start..start + self.channels), self.valid.get_mut(node))
-        {
+        if let (Some(target), Some(valid)) = (
+            self.values.get_mut(start..start + self.channels),
+            self.valid.get_mut(node),
+        ) {
             target.copy_from_slice(value);
             *valid = true;
         }
@@ -235,7 +324,13 @@ impl<T: Sample> Nodes<T> {
         } else {
             Validity::from_nodes(|node| valid.get(node).copied().unwrap_or(false))
         };
-        TileData::new(tile, kind, self.channels as u8, T::wrapped(self.values), validity)
+        TileData::new(
+            tile,
+            kind,
+            self.channels as u8,
+            T::wrapped(self.values),
+            validity,
+        )
     }
 }
 
@@ -264,7 +359,8 @@ impl<'tile, T: Sample> View<'tile, T> {
         if !self.full && !self.validity.is_valid(node) {
             return None;
         }
-        self.values.get(node * self.channels..(node + 1) * self.channels)
+        self.values
+            .get(node * self.channels..(node + 1) * self.channels)
     }
 
     /// The samples of node (i, j), both −9…265.
@@ -282,11 +378,38 @@ mod tests {
         assert_eq!(i32::mean(&mut [(1, 0), (1, 1)], false), 1);
         assert_eq!(i32::mean(&mut [(1, 0), (1, -1)], false), 0);
         assert_eq!(i32::mean(&mut [(4, -7), (2, -7), (1, -7)], false), -7);
-        assert_eq!(i32::blend(&mut [(3, i32::MAX), (1, i32::MIN)], 2), 1_073_741_823);
+        assert_eq!(
+            i32::blend(&mut [(3, i32::MAX), (1, i32::MIN)], 2),
+            1_073_741_823
+        );
         let mut terms = [(1, 1.0e30_f32), (1, 1.0), (1, -1.0e30)];
         let forward = f32::mean(&mut terms, false);
         terms.reverse();
         assert_eq!(f32::mean(&mut terms, false), forward);
+    }
+
+    #[test]
+    fn the_whole_kernel_is_the_mean_of_its_terms() {
+        let weights = [1, 2, 1, 2, 4, 2, 1, 2, 1];
+        for start in -40..40_i32 {
+            let heights: [i32; 9] = std::array::from_fn(|k| start * 7919 % 1000 - 31 * k as i32);
+            let mut terms: [(i64, i32); 9] = std::array::from_fn(|k| (weights[k], heights[k]));
+            assert_eq!(i32::smooth(heights, false), i32::mean(&mut terms, false));
+            let bytes = heights.map(|height| height as u8);
+            let mut terms: [(i64, u8); 9] = std::array::from_fn(|k| (weights[k], bytes[k]));
+            assert_eq!(u8::smooth(bytes, true), u8::mean(&mut terms, true));
+            assert_eq!(u8::smooth(bytes, false), u8::mean(&mut terms, false));
+        }
+        for (number, due) in [
+            (0.5, 0),
+            (1.5, 2),
+            (-0.5, 0),
+            (-1.6, -2),
+            (1e300, i32::MAX),
+            (f64::NEG_INFINITY, i32::MIN),
+        ] {
+            assert_eq!(i32::nearest(number), due);
+        }
     }
 
     #[test]

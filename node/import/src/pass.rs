@@ -4,6 +4,7 @@
 //! both have nothing, from coarser tiles of the repository.
 
 use std::collections::HashMap;
+use std::collections::hash_map::Entry;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use geodesy::{BORDER, CELLS, Direction, LatticePoint, Tile};
@@ -78,12 +79,19 @@ impl Pass<'_> {
 
     /// Tiles beyond the wanted level are set apart, except when those of the repository are filled.
     fn place_of(&self, tile: Tile) -> Place {
-        if tile.level() > self.level && !self.filling { Place::Finer } else { Place::New }
+        if tile.level() > self.level && !self.filling {
+            Place::Finer
+        } else {
+            Place::New
+        }
     }
 
     /// Whether this pass has made the tile.
     pub(crate) fn is_made(&self, tile: Tile) -> bool {
-        self.made.lock().unwrap_or_else(PoisonError::into_inner).contains_key(&tile)
+        self.made
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .contains_key(&tile)
     }
 
     /// Whether the repository had the tile. Levels that will not be kept have no past.
@@ -108,8 +116,13 @@ impl Pass<'_> {
         if let Some(data) = self.tiles.get(key) {
             return Ok(Some(data));
         }
-        let bytes = store.read(tile).map_err(|e| ImportError::repository(store.root(), &e))?;
-        let data = match bytes.as_deref().map(|bytes| TileData::decode_tile(bytes, tile)) {
+        let bytes = store
+            .read(tile)
+            .map_err(|e| ImportError::repository(store.root(), &e))?;
+        let data = match bytes
+            .as_deref()
+            .map(|bytes| TileData::decode_tile(bytes, tile))
+        {
             Some(Ok(data)) => Arc::new(data),
             broken => {
                 let problem = match broken {
@@ -123,31 +136,48 @@ impl Pass<'_> {
                 });
             }
         };
-        self.tiles.insert(key, data.clone(), data.byte_size() as u64);
+        self.tiles
+            .insert(key, data.clone(), data.byte_size() as u64);
         Ok(Some(data))
     }
 
     /// The tile as the repository had it.
     fn old_tile(&self, tile: Tile) -> Found {
-        if self.is_old(tile) { self.load(Place::Old, tile) } else { Ok(None) }
+        if self.is_old(tile) {
+            self.load(Place::Old, tile)
+        } else {
+            Ok(None)
+        }
     }
 
     /// The tile as it is now.
     fn tile_now(&self, tile: Tile) -> Found {
-        if self.is_made(tile) { self.load(self.place_of(tile), tile) } else { self.old_tile(tile) }
+        if self.is_made(tile) {
+            self.load(self.place_of(tile), tile)
+        } else {
+            self.old_tile(tile)
+        }
     }
 
     /// Takes over a tile that an earlier run finished. False where its file is broken: it is made again.
     pub(crate) fn take_over(&self, tile: Tile, bytes: u64) -> bool {
-        let Ok(Some(data)) = self.load(self.place_of(tile), tile) else { return false };
+        let Ok(Some(data)) = self.load(self.place_of(tile), tile) else {
+            return false;
+        };
         self.note(&data, bytes);
         true
     }
 
     fn note(&self, data: &TileData, bytes: u64) {
-        let made =
-            Made { lowest: data.statistics.lowest, highest: data.statistics.highest, bytes };
-        self.made.lock().unwrap_or_else(PoisonError::into_inner).insert(data.tile, made);
+        let made = Made {
+            lowest: data.statistics.lowest,
+            highest: data.statistics.highest,
+            bytes,
+        };
+        self.made
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .insert(data.tile, made);
     }
 
     /// Makes one tile.
@@ -196,18 +226,27 @@ impl Pass<'_> {
             return Ok(());
         }
         let bytes = self.encoded(&data, origin).map_err(inconsistent)?;
-        let store = if self.place_of(tile) == Place::New { &self.staged } else { &self.finer };
+        let store = if self.place_of(tile) == Place::New {
+            &self.staged
+        } else {
+            &self.finer
+        };
         store
             .write_atomic(tile, &bytes)
             .map_err(|error| ImportError::repository(store.root(), &error))?;
         let data = Arc::new(data);
         let key = (self.place_of(tile) as u8, tile);
-        self.tiles.insert(key, data.clone(), data.byte_size() as u64);
+        self.tiles
+            .insert(key, data.clone(), data.byte_size() as u64);
         self.note(&data, bytes.len() as u64);
         Ok(())
     }
 
-    fn encoded(&self, data: &TileData, origin: Option<Origin>) -> Result<Vec<u8>, tiles::EncodeError> {
+    fn encoded(
+        &self,
+        data: &TileData,
+        origin: Option<Origin>,
+    ) -> Result<Vec<u8>, tiles::EncodeError> {
         match origin {
             Some(origin) => data.encode_resampled(&origin),
             None => data.encode(),
@@ -226,13 +265,18 @@ impl Pass<'_> {
         ImportError::Tile {
             directory: self.staged.root().to_owned(),
             tile,
-            problem: "its samples are of another type than the data set's. Import into a new directory."
-                .to_owned(),
+            problem:
+                "its samples are of another type than the data set's. Import into a new directory."
+                    .to_owned(),
         }
     }
 
     /// The border that a new tile has from old neighbours.
-    fn borrow_border<T: Sample>(&self, tile: Tile, nodes: &mut Nodes<T>) -> Result<(), ImportError> {
+    fn borrow_border<T: Sample>(
+        &self,
+        tile: Tile,
+        nodes: &mut Nodes<T>,
+    ) -> Result<(), ImportError> {
         if self.old.is_none() || self.place_of(tile) == Place::Finer {
             return Ok(());
         }
@@ -267,7 +311,11 @@ impl Pass<'_> {
     }
 
     /// Replaces what finer tiles know better.
-    fn filter_children<T: Sample>(&self, tile: Tile, nodes: &mut Nodes<T>) -> Result<(), ImportError> {
+    fn filter_children<T: Sample>(
+        &self,
+        tile: Tile,
+        nodes: &mut Nodes<T>,
+    ) -> Result<(), ImportError> {
         let channels = self.channels();
         let mut sample = [T::default(); MOST_CHANNELS];
         let sample = &mut sample[..channels];
@@ -275,11 +323,12 @@ impl Pass<'_> {
             if !self.exists(child) {
                 continue;
             }
-            let Some(data) = self.tile_now(child)? else { continue };
-            let view = self.view::<T>(&data)?;
-            let within = |first: i64| {
-                (-BORDER - first).max(0)..=(CELLS + BORDER - first).min(CELLS / 2)
+            let Some(data) = self.tile_now(child)? else {
+                continue;
             };
+            let view = self.view::<T>(&data)?;
+            let within =
+                |first: i64| (-BORDER - first).max(0)..=(CELLS + BORDER - first).min(CELLS / 2);
             for b in within(first_j) {
                 for a in within(first_i) {
                     if filtered(&view, 2 * a, 2 * b, self.colour(), sample) {
@@ -351,11 +400,13 @@ impl Pass<'_> {
                 let point = LatticePoint::of_tile(tile, i, j);
                 let mut candidates = Vec::new();
                 for around in point.tiles() {
-                    let Some((ai, aj)) = point.within(around) else { continue };
-                    if !known.contains_key(&around) {
-                        known.insert(around, self.coarser(around)?);
-                    }
-                    let above = known.get(&around).map_or(&[][..], Vec::as_slice);
+                    let Some((ai, aj)) = point.within(around) else {
+                        continue;
+                    };
+                    let above = match known.entry(around) {
+                        Entry::Occupied(entry) => entry.into_mut(),
+                        Entry::Vacant(entry) => entry.insert(self.coarser(around)?),
+                    };
                     candidates.extend(above.iter().map(|data| (data.clone(), around, ai, aj)));
                 }
                 candidates.sort_by_key(|(data, ..)| std::cmp::Reverse(data.tile.level()));
@@ -378,10 +429,15 @@ fn face_edge_nodes(tile: Tile) -> impl Iterator<Item = (i64, i64)> {
     let columns = [(0, tile.x() == 0), (CELLS, tile.x() == last)];
     let rows = [(0, tile.y() == 0), (CELLS, tile.y() == last)];
     let along_j = inside.clone().flat_map(move |j| {
-        columns.into_iter().filter(|(_, edge)| *edge).map(move |(i, _)| (i, j))
+        columns
+            .into_iter()
+            .filter(|(_, edge)| *edge)
+            .map(move |(i, _)| (i, j))
     });
     let along_i = inside.flat_map(move |i| {
-        rows.into_iter().filter(|(_, edge)| *edge).map(move |(j, _)| (i, j))
+        rows.into_iter()
+            .filter(|(_, edge)| *edge)
+            .map(move |(j, _)| (i, j))
     });
     along_j.chain(along_i)
 }
@@ -407,7 +463,9 @@ fn upsampled<T: Sample>(view: &View<'_, T>, tile: Tile, i: i64, j: i64, result: 
         let mut terms = [(0_i64, T::default()); 4];
         let mut count = 0;
         for (di, dj, weight) in corners.iter().filter(|corner| corner.2 > 0) {
-            let Some(value) = view.at(column + di, row + dj).and_then(|samples| samples.get(channel))
+            let Some(value) = view
+                .at(column + di, row + dj)
+                .and_then(|samples| samples.get(channel))
             else {
                 return false;
             };

@@ -71,18 +71,25 @@ fn check(options: &ImportOptions) -> Result<(), ImportError> {
     if let Some(level) = options.level
         && level > geodesy::MAX_LEVEL
     {
-        return wrong(format!("level {level} is deeper than {}: choose a lower one.", geodesy::MAX_LEVEL));
+        return wrong(format!(
+            "level {level} is deeper than {}: choose a lower one.",
+            geodesy::MAX_LEVEL
+        ));
     }
     if let Some(quantum) = options.quantum_m {
         let power = quantum.is_finite() && quantum > 0.0 && quantum.log2().fract() == 0.0;
         if !power {
-            return wrong(format!("a quantum of {quantum} m is no power of two: write 0.0625 or the like."));
+            return wrong(format!(
+                "a quantum of {quantum} m is no power of two: write 0.0625 or the like."
+            ));
         }
     }
     if let Some([low, high]) = options.range
         && !(low.is_finite() && high.is_finite() && low != high)
     {
-        return wrong(format!("the range {low},{high} is empty: give two different numbers."));
+        return wrong(format!(
+            "the range {low},{high} is empty: give two different numbers."
+        ));
     }
     Ok(())
 }
@@ -95,8 +102,10 @@ fn run(
 ) -> Result<ImportReport, ImportError> {
     let describe = |existing: Option<&Dataset>| describe(options, sources, existing, progress);
     let mut staging = Staging::open(options, describe, progress)?;
-    let spacings: Vec<Spacing> =
-        sources.iter().map(|source| Spacing::of(source.grid(), &options.planet)).collect();
+    let spacings: Vec<Spacing> = sources
+        .iter()
+        .map(|source| Spacing::of(source.grid(), &options.planet))
+        .collect();
     let sets = sets_of(options, sources, &spacings);
     let mut report = ImportReport::new(&options.into, sources, staging.resumed);
     let mut pool = rayon::ThreadPoolBuilder::new().thread_name(|n| format!("import {n}"));
@@ -106,7 +115,14 @@ fn run(
     let pool = pool
         .build()
         .map_err(|error| ImportError::Options(format!("threads cannot be started: {error}.")))?;
-    let context = Context { options, sources, spacings: &spacings, progress, cancel, pool: &pool };
+    let context = Context {
+        options,
+        sources,
+        spacings: &spacings,
+        progress,
+        cancel,
+        pool: &pool,
+    };
     for (number, set) in sets.iter().enumerate().skip(staging.pass()) {
         let result = context.run_set(number, set, &mut staging, &mut report);
         if let Err(error) = result {
@@ -133,7 +149,11 @@ fn describe(
         Kind::Elevation => SampleType::I32,
         Kind::Imagery => SampleType::U8,
         Kind::Sar => {
-            let wide = |wanted| sources.iter().any(|source| source.description.wide == wanted);
+            let wide = |wanted| {
+                sources
+                    .iter()
+                    .any(|source| source.description.wide == wanted)
+            };
             match (wide(SampleWidth::F32), wide(SampleWidth::U16)) {
                 (true, _) => SampleType::F32,
                 (_, true) => SampleType::U16,
@@ -143,8 +163,15 @@ fn describe(
     };
     let channels = if options.kind == Kind::Imagery { 3 } else { 1 };
     let Some(dataset) = existing else {
-        let fallback = options.into.file_name().map(|name| name.to_string_lossy().into_owned());
-        let name = options.name.clone().or(fallback).unwrap_or_else(|| options.kind.to_string());
+        let fallback = options
+            .into
+            .file_name()
+            .map(|name| name.to_string_lossy().into_owned());
+        let name = options
+            .name
+            .clone()
+            .or(fallback)
+            .unwrap_or_else(|| options.kind.to_string());
         let mut dataset = Dataset::new(&name, options.kind, sample_type, channels);
         dataset.ellipsoid = options.planet;
         if options.kind == Kind::Elevation {
@@ -153,7 +180,10 @@ fn describe(
         return Ok(dataset);
     };
     let refuse = |problem: String| {
-        Err(ImportError::Repository { directory: options.into.clone(), problem })
+        Err(ImportError::Repository {
+            directory: options.into.clone(),
+            problem,
+        })
     };
     let name = &dataset.name;
     if dataset.kind != options.kind {
@@ -180,7 +210,9 @@ fn describe(
             "the repository \"{name}\" is of another planet. Choose another directory, or name its planet."
         ));
     }
-    let asked = options.quantum_m.filter(|quantum| Some(*quantum) != dataset.quantum_m);
+    let asked = options
+        .quantum_m
+        .filter(|quantum| Some(*quantum) != dataset.quantum_m);
     if let (Some(asked), Some(quantum)) = (asked, dataset.quantum_m) {
         progress.note(&format!(
             "{}: heights are stored in steps of {quantum} m, as in the repository, not of {asked} m",
@@ -195,12 +227,17 @@ fn quantum_of(sources: &[Source]) -> f64 {
     let of_source = |source: &Source| {
         if source.description.integer {
             let step = source.description.scale.abs() * COARSEST_QUANTUM_M;
-            2.0_f64.powf(step.log2().floor()).clamp(FINEST_QUANTUM_M, COARSEST_QUANTUM_M)
+            2.0_f64
+                .powf(step.log2().floor())
+                .clamp(FINEST_QUANTUM_M, COARSEST_QUANTUM_M)
         } else {
             FRACTIONAL_QUANTUM_M
         }
     };
-    sources.iter().map(of_source).fold(COARSEST_QUANTUM_M, f64::min)
+    sources
+        .iter()
+        .map(of_source)
+        .fold(COARSEST_QUANTUM_M, f64::min)
 }
 
 /// Sources that are imported together.
@@ -239,7 +276,11 @@ fn sets_of(options: &ImportOptions, sources: &[Source], spacings: &[Spacing]) ->
         .map(|(_, spacing, members)| {
             let natural = spacing.level();
             let level = options.level.unwrap_or(natural);
-            Set { members, natural_level: natural.max(level), level }
+            Set {
+                members,
+                natural_level: natural.max(level),
+                level,
+            }
         })
         .collect();
     sets.sort_by_key(|set| (set.level, set.members.first().copied()));
@@ -300,7 +341,10 @@ impl Context<'_> {
         let touched = pass.made_at(set.level);
         pass.filling = true;
         self.fill_finer(&pass, &index, touched)?;
-        let made = pass.made.into_inner().unwrap_or_else(PoisonError::into_inner);
+        let made = pass
+            .made
+            .into_inner()
+            .unwrap_or_else(PoisonError::into_inner);
         let kept = |tile: Tile| tile.level() <= set.level || index.contains(tile);
         let mut after = index.clone();
         for (tile, made) in made.iter().filter(|(tile, _)| kept(**tile)) {
@@ -316,9 +360,14 @@ impl Context<'_> {
         let publication = Publication {
             revision: dataset.revision,
             deepest_level: after.deepest_level(),
-            sources: set.members.iter().filter_map(|member| self.source_note(*member, set.level)).collect(),
+            sources: set
+                .members
+                .iter()
+                .filter_map(|member| self.source_note(*member, set.level))
+                .collect(),
         };
-        self.progress.phase(&format!("publishing pass {}", number + 1), 1);
+        self.progress
+            .phase(&format!("publishing pass {}", number + 1), 1);
         staging.finish_pass(&after, publication)?;
         self.progress.advance(1);
         report.levels_done(set.level);
@@ -328,22 +377,32 @@ impl Context<'_> {
     fn source_note(&self, member: usize, level: u8) -> Option<SourceNote> {
         let source = self.sources.get(member)?;
         let file = Path::new(&source.description.file);
-        let file = file.file_name().map(|name| name.to_string_lossy().into_owned())?;
+        let file = file
+            .file_name()
+            .map(|name| name.to_string_lossy().into_owned())?;
         let grid = source.grid();
-        let description =
-            format!("{}×{}, {}, at level {level}", grid.width, grid.height, grid.crs.name());
+        let description = format!(
+            "{}×{}, {}, at level {level}",
+            grid.width,
+            grid.height,
+            grid.crs.name()
+        );
         Some(SourceNote { file, description })
     }
 
     /// Tiles that an earlier run has finished.
     fn take_over(&self, pass: &Pass<'_>) -> Result<(), ImportError> {
         for store in [&pass.staged, &pass.finer] {
-            let tiles =
-                store.tiles().map_err(|error| ImportError::repository(store.root(), &error))?;
+            let tiles = store
+                .tiles()
+                .map_err(|error| ImportError::repository(store.root(), &error))?;
             if tiles.is_empty() {
                 continue;
             }
-            self.progress.note(&format!("{} finished tiles of an earlier run are kept", tiles.len()));
+            self.progress.note(&format!(
+                "{} finished tiles of an earlier run are kept",
+                tiles.len()
+            ));
             self.each("checking finished tiles", &tiles, |(tile, bytes)| {
                 let _ = pass.take_over(*tile, *bytes);
                 Ok(())
@@ -357,7 +416,8 @@ impl Context<'_> {
         let level = set.natural_level;
         let mut list = touched(self.sources, &set.members, self.spacings, level);
         // Tiles that exist beside those share nodes with them.
-        let mut known: std::collections::HashSet<Tile> = list.iter().map(|(tile, _)| *tile).collect();
+        let mut known: std::collections::HashSet<Tile> =
+            list.iter().map(|(tile, _)| *tile).collect();
         let mut beside = Vec::new();
         for (tile, numbers) in &list {
             for neighbour in Direction::ALL.into_iter().filter_map(|d| tile.neighbour(d)) {
@@ -368,14 +428,21 @@ impl Context<'_> {
         }
         list.extend(beside);
         list.retain(|(tile, _)| !pass.is_made(*tile));
-        self.each(&format!("level {level}, resampling"), &list, |(tile, numbers)| {
-            pass.make(*tile, Recipe::Sources(numbers))
-        })?;
+        self.each(
+            &format!("level {level}, resampling"),
+            &list,
+            |(tile, numbers)| pass.make(*tile, Recipe::Sources(numbers)),
+        )?;
         Ok(pass.made_at(level))
     }
 
     /// A coarser level from the changed tiles of the next finer one.
-    fn coarsen(&self, pass: &Pass<'_>, level: u8, changed: &[Tile]) -> Result<Vec<Tile>, ImportError> {
+    fn coarsen(
+        &self,
+        pass: &Pass<'_>,
+        level: u8,
+        changed: &[Tile],
+    ) -> Result<Vec<Tile>, ImportError> {
         let mut list: Vec<Tile> = changed.iter().filter_map(|tile| tile.parent()).collect();
         let beside: Vec<Tile> = list
             .iter()
@@ -393,7 +460,12 @@ impl Context<'_> {
     }
 
     /// Finer tiles that the repository has already, where coarser data now lies under their holes.
-    fn fill_finer(&self, pass: &Pass<'_>, index: &Index, touched: Vec<Tile>) -> Result<(), ImportError> {
+    fn fill_finer(
+        &self,
+        pass: &Pass<'_>,
+        index: &Index,
+        touched: Vec<Tile>,
+    ) -> Result<(), ImportError> {
         if index.deepest_level() <= pass.level {
             return Ok(());
         }
@@ -459,7 +531,9 @@ fn load_index(repository: &Repository, into: &Path) -> Result<Index, ImportError
     match repository.load_index() {
         Ok(index) => Ok(index),
         // A description without tiles: nothing was published yet.
-        Err(RepositoryError::NoIndex { .. }) if repository.dataset().revision == 0 => Ok(Index::new()),
+        Err(RepositoryError::NoIndex { .. }) if repository.dataset().revision == 0 => {
+            Ok(Index::new())
+        }
         Err(error) => Err(ImportError::repository(into, &error)),
     }
 }
@@ -468,7 +542,11 @@ impl Pass<'_> {
     /// Tiles of a level that this pass has made, along the quadtree's curve.
     fn made_at(&self, level: u8) -> Vec<Tile> {
         let made = self.made.lock().unwrap_or_else(PoisonError::into_inner);
-        let mut tiles: Vec<Tile> = made.keys().copied().filter(|t| t.level() == level).collect();
+        let mut tiles: Vec<Tile> = made
+            .keys()
+            .copied()
+            .filter(|t| t.level() == level)
+            .collect();
         drop(made);
         tiles.sort_unstable_by_key(|tile| tile.id());
         tiles

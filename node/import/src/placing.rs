@@ -47,7 +47,9 @@ impl Placing {
     pub(crate) fn of_block(grid: &Grid, face: Face, level: u8, bx: i64, by: i64) -> Self {
         let point = |a: i64, b: i64| face_point(face, level, bx * BLOCK + a, by * BLOCK + b);
         let half = BLOCK / 2;
-        let Some(middle) = exact(grid, point(half, half), None) else { return Self::Rough };
+        let Some(middle) = exact(grid, point(half, half), None) else {
+            return Self::Rough;
+        };
         if !comes_back(grid, point(half, half), middle) {
             return Self::Rough;
         }
@@ -89,7 +91,10 @@ impl Placing {
 pub(crate) fn smooth(columns: &[f64; 9], rows: &[f64; 9], a: i64, b: i64) -> Position {
     let half = (BLOCK / 2) as f64;
     let (s, t) = ((a as f64 - half) / half, (b as f64 - half) / half);
-    Position { column: evaluate(columns, s, t), row: evaluate(rows, s, t) }
+    Position {
+        column: evaluate(columns, s, t),
+        row: evaluate(rows, s, t),
+    }
 }
 
 /// Whether the projection of a node leads back to it; far from their home some do not.
@@ -98,7 +103,8 @@ fn comes_back(grid: &Grid, point: LatticePoint, position: Position) -> bool {
         return true;
     }
     let (latitude, longitude) = Ellipsoid::angles_deg(point.normal());
-    let Some((back_latitude, back_longitude)) = grid.angles_deg(position.column, position.row) else {
+    let Some((back_latitude, back_longitude)) = grid.angles_deg(position.column, position.row)
+    else {
         return false;
     };
     let turn = back_longitude - longitude;
@@ -128,7 +134,10 @@ fn misses(grid: &Grid, columns: &[f64; 9], rows: &[f64; 9]) -> bool {
     }
     // Columns come around again.
     let turned = |turns: f64| columns.map(|column| column + turns * grid.period());
-    !grid.wraps() && [-1.0, 0.0, 1.0].iter().all(|turns| beside(&turned(*turns), last_column))
+    !grid.wraps()
+        && [-1.0, 0.0, 1.0]
+            .iter()
+            .all(|turns| beside(&turned(*turns), last_column))
 }
 
 /// Values at −1, 0, 1 both ways to the coefficients of 1, s, s² by 1, t, t².
@@ -171,7 +180,9 @@ mod tests {
         for face in geodesy::FACES {
             for step in 0..900_i64 {
                 let (bx, by) = (step % 30 * (blocks - 1) / 29, step / 30 * (blocks - 1) / 29);
-                let Placing::Smooth { columns, rows } = Placing::of_block(grid, face, level, bx, by) else {
+                let Placing::Smooth { columns, rows } =
+                    Placing::of_block(grid, face, level, bx, by)
+                else {
                     continue;
                 };
                 smooth_blocks += 1;
@@ -197,7 +208,12 @@ mod tests {
 
     #[test]
     fn interpolated_positions_are_near_exact_ones() {
-        let whole = Extent { west: -180.0, south: -90.0, east: 180.0, north: 90.0 };
+        let whole = Extent {
+            west: -180.0,
+            south: -90.0,
+            east: 180.0,
+            north: 90.0,
+        };
         let globe = Grid::of_extent(4320, 2160, whole, false).unwrap();
         let (error, blocks) = worst(&globe, 3);
         assert!(error < 0.01 && blocks > 4000, "{error} {blocks}");

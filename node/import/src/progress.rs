@@ -35,11 +35,16 @@ impl Bar {
     /// A bar that appears with the first phase.
     #[must_use]
     pub const fn new() -> Self {
-        Self { current: Mutex::new(None) }
+        Self {
+            current: Mutex::new(None),
+        }
     }
 
     fn with(&self, action: impl FnOnce(&mut Option<ProgressBar>)) {
-        let mut current = self.current.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+        let mut current = self
+            .current
+            .lock()
+            .unwrap_or_else(std::sync::PoisonError::into_inner);
         action(&mut current);
     }
 }

@@ -86,7 +86,9 @@ pub(crate) struct Stopwatch {
 
 impl Stopwatch {
     pub(crate) fn start() -> Self {
-        Self { at_start_s: process_cpu_s() }
+        Self {
+            at_start_s: process_cpu_s(),
+        }
     }
 
     pub(crate) fn cpu_s(&self) -> Option<f64> {

@@ -56,16 +56,27 @@ impl Resampler<'_> {
         candidates: &[usize],
         nodes: &mut Nodes<T>,
     ) -> Result<Option<Origin>, Error> {
-        let mut readers: Vec<Reader<'_>> =
-            candidates.iter().filter_map(|number| self.reader(*number)).collect();
+        let mut readers: Vec<Reader<'_>> = candidates
+            .iter()
+            .filter_map(|number| self.reader(*number))
+            .collect();
         let (level, face) = (tile.level(), tile.face());
         let side = face_cells(level);
         let (left, lower) = (i64::from(tile.x()) * CELLS, i64::from(tile.y()) * CELLS);
         let (gx, gy) = ((left - BORDER).max(0), (lower - BORDER).max(0));
         let width = (left + CELLS + BORDER).min(side) - gx + 1;
         let height = (lower + CELLS + BORDER).min(side) - gy + 1;
-        let rect = Rect { face, level, gx, gy, width, height };
-        self.fill_rect(rect, &mut readers, |x, y, value: &[T]| nodes.set(x - left, y - lower, value))?;
+        let rect = Rect {
+            face,
+            level,
+            gx,
+            gy,
+            width,
+            height,
+        };
+        self.fill_rect(rect, &mut readers, |x, y, value: &[T]| {
+            nodes.set(x - left, y - lower, value);
+        })?;
         for strip in beyond_the_face(tile) {
             let rect = strip.rect;
             let mut values = vec![None; (rect.width * rect.height) as usize];
@@ -85,7 +96,10 @@ impl Resampler<'_> {
         }
         let most = readers.into_iter().max_by_key(|reader| reader.count);
         Ok(match most {
-            Some(reader) if self.kind == Kind::Elevation && 2 * reader.count > STORED_NODES * STORED_NODES => {
+            Some(reader)
+                if self.kind == Kind::Elevation
+                    && 2 * reader.count > STORED_NODES * STORED_NODES =>
+            {
                 self.origin(tile, reader)?
             }
             _ => None,
@@ -96,12 +110,19 @@ impl Resampler<'_> {
         let source = self.sources.get(number)?;
         let sampler = Sampler::new(source, number, self.cache);
         let (scale, offset) = match self.kind {
-            Kind::Elevation => {
-                (source.description.scale / self.quantum, source.description.offset / self.quantum)
-            }
+            Kind::Elevation => (
+                source.description.scale / self.quantum,
+                source.description.offset / self.quantum,
+            ),
             Kind::Imagery | Kind::Sar => (1.0, 0.0),
         };
-        Some(Reader { sampler, source, scale, offset, count: 0 })
+        Some(Reader {
+            sampler,
+            source,
+            scale,
+            offset,
+            count: 0,
+        })
     }
 
     /// Calls `put` for each node of a rectangle that gets a value, once for each source that has one.
@@ -114,7 +135,8 @@ impl Resampler<'_> {
         let last_x = rect.gx + rect.width - 1;
         let last_y = rect.gy + rect.height - 1;
         let mut positions = [None; (BLOCK * BLOCK) as usize];
-        let mut values: [Option<Value>; (BLOCK * BLOCK) as usize] = [None; (BLOCK * BLOCK) as usize];
+        let mut values: [Option<Value>; (BLOCK * BLOCK) as usize] =
+            [None; (BLOCK * BLOCK) as usize];
         for by in rect.gy / BLOCK..=last_y / BLOCK {
             for bx in rect.gx / BLOCK..=last_x / BLOCK {
                 let columns = rect.gx.max(bx * BLOCK)..=last_x.min(bx * BLOCK + BLOCK - 1);
@@ -127,7 +149,9 @@ impl Resampler<'_> {
                         continue;
                     }
                     reader.sampler.values(positions, values)?;
-                    let nodes = rows.clone().flat_map(|y| columns.clone().map(move |x| (x, y)));
+                    let nodes = rows
+                        .clone()
+                        .flat_map(|y| columns.clone().map(move |x| (x, y)));
                     for ((x, y), value) in nodes.zip(values.iter()) {
                         let Some(value) = value else { continue };
                         let samples =
@@ -144,7 +168,11 @@ impl Resampler<'_> {
     /// The window of a source that explains a tile's heights, for the encoder.
     fn origin(&self, tile: Tile, mut reader: Reader<'_>) -> Result<Option<Origin>, Error> {
         let grid = reader.source.grid();
-        let middle = TilePosition { tile, i: CELLS as f64 / 2.0, j: CELLS as f64 / 2.0 };
+        let middle = TilePosition {
+            tile,
+            i: CELLS as f64 / 2.0,
+            j: CELLS as f64 / 2.0,
+        };
         let (latitude, longitude) = geodesy::Ellipsoid::angles_deg(middle.normal());
         let near = grid
             .position(latitude, longitude, None)
@@ -192,7 +220,9 @@ fn place_block(
     }
     let side = face_cells(level);
     let mut any = false;
-    let nodes = rows.clone().flat_map(|y| columns.clone().map(move |x| (x, y)));
+    let nodes = rows
+        .clone()
+        .flat_map(|y| columns.clone().map(move |x| (x, y)));
     for ((x, y), target) in nodes.zip(positions) {
         // Two faces share the nodes of an edge: those are placed by themselves, the same from both.
         let on_edge = x == 0 || y == 0 || x == side || y == side;
@@ -220,8 +250,13 @@ fn beyond_the_face(tile: Tile) -> Vec<Strip> {
     let mut strips: Vec<Strip> = Vec::new();
     for (i, j) in beyond_nodes(tile) {
         let (owner, oi, oj) = LatticePoint::of_tile(tile, i, j).owner();
-        let (x, y) = (i64::from(owner.x()) * CELLS + oi, i64::from(owner.y()) * CELLS + oj);
-        let known = strips.iter_mut().find(|strip| strip.rect.face == owner.face());
+        let (x, y) = (
+            i64::from(owner.x()) * CELLS + oi,
+            i64::from(owner.y()) * CELLS + oj,
+        );
+        let known = strips
+            .iter_mut()
+            .find(|strip| strip.rect.face == owner.face());
         match known {
             Some(Strip { rect, nodes }) => {
                 let (right, upper) = (rect.gx + rect.width, rect.gy + rect.height);
@@ -233,8 +268,18 @@ fn beyond_the_face(tile: Tile) -> Vec<Strip> {
             }
             None => {
                 let (face, level) = (owner.face(), tile.level());
-                let rect = Rect { face, level, gx: x, gy: y, width: 1, height: 1 };
-                strips.push(Strip { rect, nodes: vec![(i, j, x, y)] });
+                let rect = Rect {
+                    face,
+                    level,
+                    gx: x,
+                    gy: y,
+                    width: 1,
+                    height: 1,
+                };
+                strips.push(Strip {
+                    rect,
+                    nodes: vec![(i, j, x, y)],
+                });
             }
         }
     }

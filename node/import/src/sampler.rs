@@ -44,7 +44,13 @@ type Error = Arc<SourceError>;
 impl<'source> Sampler<'source> {
     /// A sampler of `source`, which the cache knows by `number`.
     pub(crate) fn new(source: &'source Source, number: usize, cache: &'source ChunkCache) -> Self {
-        Self { source, number, cache, at_hand: Vec::new(), window: Window::default() }
+        Self {
+            source,
+            number,
+            cache,
+            at_hand: Vec::new(),
+            window: Window::default(),
+        }
     }
 
     fn chunk(&mut self, column: u32, row: u32) -> Result<Arc<Pixels>, Error> {
@@ -63,7 +69,11 @@ impl<'source> Sampler<'source> {
     pub(crate) fn sample(&mut self, column: i64, row: i64) -> Result<(Value, bool), Error> {
         let grid = self.source.grid();
         let width = i64::from(grid.width);
-        let column = if grid.wraps() { column.rem_euclid(width) } else { column.clamp(0, width - 1) };
+        let column = if grid.wraps() {
+            column.rem_euclid(width)
+        } else {
+            column.clamp(0, width - 1)
+        };
         let row = row.clamp(0, i64::from(grid.height) - 1);
         self.sample_inside(column as u32, row as u32)
     }
@@ -77,7 +87,10 @@ impl<'source> Sampler<'source> {
         for (channel, value) in value.iter_mut().enumerate().take(channels) {
             *value = chunk.samples.number(pixel * channels + channel);
         }
-        let valid = chunk.valid.as_ref().is_none_or(|v| v.get(pixel).copied().unwrap_or(false));
+        let valid = chunk
+            .valid
+            .as_ref()
+            .is_none_or(|v| v.get(pixel).copied().unwrap_or(false));
         Ok((value, valid))
     }
 
@@ -124,9 +137,8 @@ impl<'source> Sampler<'source> {
     }
 
     fn value_alone(&mut self, position: Position) -> Result<Option<Value>, Error> {
-        let (column, row) = (position.column.floor(), position.row.floor());
-        let (s, t) = (position.column - column, position.row - row);
-        let (column, row) = (column as i64, row as i64);
+        let (column, row) = (position.column as i64, position.row as i64);
+        let (s, t) = (position.column - column as f64, position.row - row as f64);
         let mut corners = [([0.0; MOST_CHANNELS], false); 4];
         for (index, corner) in corners.iter_mut().enumerate() {
             *corner = self.sample(column + (index & 1) as i64, row + (index >> 1) as i64)?;
@@ -142,7 +154,9 @@ impl<'source> Sampler<'source> {
         window.top = top;
         window.width = (right - left + 1) as usize;
         window.height = (bottom - top + 1) as usize;
-        window.values.resize(window.width * window.height * channels, 0.0);
+        window
+            .values
+            .resize(window.width * window.height * channels, 0.0);
         window.valid.clear();
         window.valid.resize(window.width * window.height, true);
         window.full = true;
@@ -169,14 +183,17 @@ impl Window {
         }
         let count = (end_column - first_column) as usize;
         for row in first_row..end_row {
-            let from = (row - corner.1) as usize * chunk.width as usize + (first_column - corner.0) as usize;
+            let from = (row - corner.1) as usize * chunk.width as usize
+                + (first_column - corner.0) as usize;
             let to = (row - self.top) as usize * self.width + (first_column - self.left) as usize;
             if let Some(target) = self.values.get_mut(to * channels..(to + count) * channels) {
                 chunk.samples.copy_numbers(from * channels, target);
             }
             if let Some(valid) = &chunk.valid
-                && let (Some(target), Some(source)) =
-                    (self.valid.get_mut(to..to + count), valid.get(from..from + count))
+                && let (Some(target), Some(source)) = (
+                    self.valid.get_mut(to..to + count),
+                    valid.get(from..from + count),
+                )
             {
                 target.copy_from_slice(source);
                 self.full &= source.iter().all(|v| *v);
@@ -185,18 +202,34 @@ impl Window {
     }
 
     fn value(&self, position: Position, channels: usize) -> Option<Value> {
-        let (column, row) = (position.column.floor(), position.row.floor());
-        let (s, t) = (position.column - column, position.row - row);
-        let (i, j) = (column as usize - self.left as usize, row as usize - self.top as usize);
+        // Placed positions are not negative: cutting off is rounding down.
+        let (column, row) = (position.column as u32, position.row as u32);
+        let (s, t) = (
+            position.column - f64::from(column),
+            position.row - f64::from(row),
+        );
+        let (i, j) = ((column - self.left) as usize, (row - self.top) as usize);
         // On the last column or row the far weight is zero.
         let right = usize::from(i + 1 < self.width);
         let below = if j + 1 < self.height { self.width } else { 0 };
         let near = j * self.width + i;
         let at = [near, near + right, near + below, near + below + right];
-        if self.full && channels == 1 {
-            let number = |index: usize| self.values.get(index).copied().unwrap_or(0.0);
-            let numbers = [number(at[0]), number(at[1]), number(at[2]), number(at[3])];
-            return Some([blend(numbers, s, t), 0.0, 0.0]);
+        if self.full {
+            let mut value = [0.0; MOST_CHANNELS];
+            for (channel, value) in value.iter_mut().enumerate().take(channels) {
+                let number = |pixel: usize| {
+                    self.values
+                        .get(pixel * channels + channel)
+                        .copied()
+                        .unwrap_or(0.0)
+                };
+                *value = blend(
+                    [number(at[0]), number(at[1]), number(at[2]), number(at[3])],
+                    s,
+                    t,
+                );
+            }
+            return Some(value);
         }
         let corners = at.map(|pixel| {
             let mut value = [0.0; MOST_CHANNELS];

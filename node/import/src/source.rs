@@ -3,6 +3,8 @@
 //! within a byte budget. Sources know nothing of tiles.
 
 mod archive;
+#[cfg(test)]
+mod fixtures;
 mod geotiff;
 mod hgt;
 mod netcdf;
@@ -10,6 +12,8 @@ mod picture;
 mod pixels;
 mod raw;
 mod tiff_directory;
+mod tiff_image;
+mod tiff_tags;
 
 use std::path::Path;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
@@ -71,7 +75,11 @@ pub(crate) struct Source {
 
 impl Source {
     pub(crate) fn new(description: Description, raster: Box<dyn Raster>) -> Self {
-        Self { description, raster, decoding: Mutex::new(()) }
+        Self {
+            description,
+            raster,
+            decoding: Mutex::new(()),
+        }
     }
 
     /// The grid of the samples.
@@ -97,7 +105,10 @@ impl Source {
         let result = slot.get_or_init(|| {
             let _one_at_a_time = (bytes > LARGE_CHUNK_BYTES)
                 .then(|| self.decoding.lock().unwrap_or_else(PoisonError::into_inner));
-            self.raster.read(column, row).map(Arc::new).map_err(Arc::new)
+            self.raster
+                .read(column, row)
+                .map(Arc::new)
+                .map_err(Arc::new)
         });
         result.clone()
     }
@@ -119,7 +130,11 @@ pub(crate) fn open(path: &Path, options: &ImportOptions) -> Result<Vec<Source>, 
     let mut start = [0_u8; 8];
     let length = read_start(path, &mut start).map_err(|e| SourceError::unreadable(&file, e))?;
     let start = &start[..length];
-    let extension = path.extension().and_then(|e| e.to_str()).unwrap_or("").to_ascii_lowercase();
+    let extension = path
+        .extension()
+        .and_then(|e| e.to_str())
+        .unwrap_or("")
+        .to_ascii_lowercase();
     if extension == "hgt" {
         return Ok(vec![hgt::open(path, &file, options)?]);
     }

@@ -82,7 +82,10 @@ impl Arguments {
         for path in &options.sources {
             let failed = |error| ImportError::io(path, "read", error);
             let metadata = fs::metadata(path).map_err(failed)?;
-            let modified = metadata.modified().ok().and_then(|t| t.duration_since(UNIX_EPOCH).ok());
+            let modified = metadata
+                .modified()
+                .ok()
+                .and_then(|t| t.duration_since(UNIX_EPOCH).ok());
             sources.push(SourceFile {
                 path: path.canonicalize().map_err(failed)?,
                 bytes: metadata.len(),
@@ -128,9 +131,13 @@ impl Staging {
         let now = open_repository(&into)?;
         let dataset = describe(now.as_ref().map(Repository::dataset))?;
         if let Some(staging) = earlier {
-            let (mine, theirs) = (&staging.manifest.dataset, now.as_ref().map(Repository::dataset));
-            let same_state = theirs
-                .map_or(mine.revision == 0, |d| d.id == mine.id && d.revision == mine.revision);
+            let (mine, theirs) = (
+                &staging.manifest.dataset,
+                now.as_ref().map(Repository::dataset),
+            );
+            let same_state = theirs.map_or(mine.revision == 0, |d| {
+                d.id == mine.id && d.revision == mine.revision
+            });
             let fits = staging.manifest.arguments == arguments && same_state;
             if fits {
                 return Ok(staging);
@@ -148,8 +155,18 @@ impl Staging {
             Some(repository) => repository.dataset().clone(),
             None => dataset,
         };
-        let manifest = Manifest { arguments, dataset, pass: 0, publishing: None };
-        let staging = Self { into, directory, manifest, resumed: false };
+        let manifest = Manifest {
+            arguments,
+            dataset,
+            pass: 0,
+            publishing: None,
+        };
+        let staging = Self {
+            into,
+            directory,
+            manifest,
+            resumed: false,
+        };
         staging.store()?;
         Ok(staging)
     }
@@ -158,7 +175,12 @@ impl Staging {
         let text = fs::read_to_string(directory.join(MANIFEST)).ok()?;
         let manifest = serde_json::from_str(&text).ok()?;
         let (into, directory) = (into.to_owned(), directory.to_owned());
-        Some(Self { into, directory, manifest, resumed: true })
+        Some(Self {
+            into,
+            directory,
+            manifest,
+            resumed: true,
+        })
     }
 
     fn store(&self) -> Result<(), ImportError> {
@@ -207,7 +229,9 @@ impl Staging {
         publication: Publication,
     ) -> Result<(), ImportError> {
         let (tiles, _) = self.stores()?;
-        tiles.store_index(index).map_err(|error| ImportError::repository(tiles.root(), &error))?;
+        tiles
+            .store_index(index)
+            .map_err(|error| ImportError::repository(tiles.root(), &error))?;
         self.manifest.publishing = Some(publication);
         self.store()?;
         self.publish()
@@ -215,12 +239,16 @@ impl Staging {
 
     /// Moves what is left to move. May be repeated after a kill at any point.
     fn publish(&mut self) -> Result<(), ImportError> {
-        let Some(publication) = self.manifest.publishing.clone() else { return Ok(()) };
+        let Some(publication) = self.manifest.publishing.clone() else {
+            return Ok(());
+        };
         let failed = |error: RepositoryError| ImportError::repository(&self.into, &error);
         let (tiles, finer) = self.stores()?;
         let mut repository = match open_repository(&self.into)? {
             Some(repository) => repository,
-            None => Repository::create(&self.into, self.manifest.dataset.clone()).map_err(failed)?,
+            None => {
+                Repository::create(&self.into, self.manifest.dataset.clone()).map_err(failed)?
+            }
         };
         for (tile, _) in tiles.tiles().map_err(failed)? {
             let (from, to) = (tiles.path_of(tile), repository.path_of(tile));

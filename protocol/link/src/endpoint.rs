@@ -11,7 +11,7 @@ use quinn::{Endpoint, EndpointConfig, TokioRuntime};
 use crate::closed::{CloseCode, Closed};
 use crate::identity::{Identity, IdentityError};
 use crate::peer::Peer;
-use crate::transport::{CLUSTER_NAME, client_config, server_config};
+use crate::transport::{CLUSTER_NAME, client_config, server_config, server_endpoint_config};
 use crate::{IDLE_TIMEOUT, socket};
 
 /// Why a server could not start to listen.
@@ -111,10 +111,15 @@ impl Server {
     /// [`BindError`] names the address and what to do.
     pub fn bind(address: SocketAddr, identity: &Identity) -> Result<Self, BindError> {
         let config = server_config(identity)?;
+        let endpoint_config = server_endpoint_config(identity);
         let endpoint = socket::bind(address)
             .and_then(|socket| {
-                let runtime = Arc::new(TokioRuntime);
-                Endpoint::new(EndpointConfig::default(), Some(config), socket, runtime)
+                Endpoint::new(
+                    endpoint_config,
+                    Some(config),
+                    socket,
+                    Arc::new(TokioRuntime),
+                )
             })
             .map_err(|source| match source.kind() {
                 io::ErrorKind::AddrInUse => BindError::PortInUse { address },

@@ -16,7 +16,7 @@ mod peer;
 mod socket;
 mod transport;
 
-pub use clock::{now_us, sleep_until_us, use_precise_timers};
+pub use clock::{go_before_others, now_us, sleep_until_us, use_precise_timers};
 pub use closed::{CloseCode, Closed};
 pub use endpoint::{BindError, ConnectError, HandshakeError, Incoming, Server, connect};
 pub use identity::{Identity, IdentityError};

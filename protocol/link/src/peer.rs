@@ -58,6 +58,12 @@ impl Peer {
         self.connection.remote_address()
     }
 
+    /// Whether the peer is a process of this host, which reads the same [`crate::now_us`].
+    #[must_use]
+    pub fn is_on_this_host(&self) -> bool {
+        self.address().ip().to_canonical().is_loopback()
+    }
+
     /// Smoothed round-trip time.
     #[must_use]
     pub fn round_trip(&self) -> Duration {

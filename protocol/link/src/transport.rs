@@ -5,10 +5,16 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use quinn::crypto::rustls::{QuicClientConfig, QuicServerConfig};
-use quinn::{ClientConfig, ServerConfig, TransportConfig, VarInt};
-use rustls::crypto::{CryptoProvider, ring};
+use quinn::{
+    ClientConfig, ConnectionId, ConnectionIdGenerator, EndpointConfig, ServerConfig,
+    TransportConfig, VarInt,
+};
+use ring::hmac;
+use ring::rand::{SecureRandom, SystemRandom};
+use rustls::crypto::CryptoProvider;
 use rustls::server::WebPkiClientVerifier;
 use rustls::{RootCertStore, version};
+use sha2::{Digest, Sha256};
 
 use crate::identity::{Identity, IdentityError};
 
@@ -64,8 +70,45 @@ pub(crate) fn server_config(identity: &Identity) -> Result<ServerConfig, Identit
     Ok(config)
 }
 
+/// The endpoint of a server. Its reset key comes from the identity, so that a restarted master can tell the
+/// nodes of the one before that their connections are void: they would wait for the idle timeout.
+pub(crate) fn server_endpoint_config(identity: &Identity) -> EndpointConfig {
+    let mut hash = Sha256::new();
+    hash.update(b"terrawall stateless reset");
+    hash.update(identity.key().secret_der());
+    let reset_key = hmac::Key::new(hmac::HMAC_SHA256, &hash.finalize());
+    let mut config = EndpointConfig::new(Arc::new(reset_key));
+    config.cid_generator(|| Box::new(RandomNames(SystemRandom::new())));
+    config
+}
+
+/// Names connections at random. The usual generator seals them with a key of its own run, and would not even
+/// look at packets for connections of an earlier run.
+struct RandomNames(SystemRandom);
+
+impl RandomNames {
+    const BYTES: usize = 8;
+}
+
+impl ConnectionIdGenerator for RandomNames {
+    fn generate_cid(&mut self) -> ConnectionId {
+        let mut name = [0; Self::BYTES];
+        // Without randomness there was no TLS either; equal names would only cost the connection.
+        let _no_randomness = self.0.fill(&mut name);
+        ConnectionId::new(&name)
+    }
+
+    fn cid_len(&self) -> usize {
+        Self::BYTES
+    }
+
+    fn cid_lifetime(&self) -> Option<Duration> {
+        None
+    }
+}
+
 fn provider() -> Arc<CryptoProvider> {
-    Arc::new(ring::default_provider())
+    Arc::new(rustls::crypto::ring::default_provider())
 }
 
 fn roots(identity: &Identity) -> Result<RootCertStore, IdentityError> {

@@ -101,7 +101,7 @@ impl Path {
         let before_s = knot.time_s - previous.time_s;
         let after_s = next.time_s - knot.time_s;
         let turn = |other: &Knot| {
-            let carried = DQuat::from_rotation_arc(other.normal, knot.normal) * other.orientation;
+            let carried = carry(other.normal, knot.normal) * other.orientation;
             shortest(knot.orientation.conjugate() * carried).to_scaled_axis()
         };
         let height = limited(
@@ -180,15 +180,15 @@ fn interpolate(
         |a, b, t| a + (b - a) * t,
     );
     // One sign for the whole segment: choosing the shorter way anew at every moment could jump.
-    let across = DQuat::from_rotation_arc(start.normal, end.normal);
+    let across = carry(start.normal, end.normal);
     let same_side = (across * start.orientation).dot(end.orientation) >= 0.0;
     let end_orientation = if same_side {
         end.orientation
     } else {
         -end.orientation
     };
-    let from_start = DQuat::from_rotation_arc(start.normal, normal);
-    let from_end = DQuat::from_rotation_arc(end.normal, normal);
+    let from_start = carry(start.normal, normal);
+    let from_end = carry(end.normal, normal);
     let turned = |orientation, turn| orientation * DQuat::from_scaled_axis(turn);
     let orientation = de_casteljau(
         [
@@ -210,6 +210,18 @@ fn interpolate(
 fn de_casteljau<T: Copy>([a, b, c, d]: [T; 4], t: f64, mix: impl Fn(T, T, f64) -> T) -> T {
     let (ab, bc, cd) = (mix(a, b, t), mix(b, c, t), mix(c, d, t));
     mix(mix(ab, bc, t), mix(bc, cd, t), t)
+}
+
+/// The rotation along the great circle from one unit vector to another, at most 150° or so away. Exact
+/// for the smallest angles, so that motion is smooth near keyframes.
+fn carry(from: DVec3, to: DVec3) -> DQuat {
+    let axis = from.cross(to);
+    let rotation = DQuat::from_xyzw(axis.x, axis.y, axis.z, 1.0 + from.dot(to));
+    if rotation.length_squared() > 1e-12 {
+        rotation.normalize()
+    } else {
+        DQuat::IDENTITY
+    }
 }
 
 /// The mean of the speeds before and after a knot, weighted towards the shorter segment; zero where

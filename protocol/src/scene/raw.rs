@@ -43,7 +43,7 @@ pub(super) fn read(document: &Document<'_>) -> Result<Scene, ConfigError> {
 fn read_planet(value: &Value<'_, '_>) -> Result<Ellipsoid, ConfigError> {
     let planet = if value.is_table() {
         let table = value.table()?.only(&["semi_major_m", "semi_minor_m"])?;
-        let axis = |key: &str| table.require(key, &format!("{key} = 6378137.0"))?.number();
+        let axis = |key: &str| table.require(key, &format!("{key} = 3396190.0"))?.number();
         Ellipsoid::new(axis("semi_major_m")?, axis("semi_minor_m")?)
     } else {
         Ellipsoid::by_name(&value.text()?)

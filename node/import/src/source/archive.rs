@@ -33,8 +33,13 @@ pub(super) fn open(
     }
     let mut sources = Vec::new();
     for index in 0..archive.len() {
-        let entry = archive.by_index(index).map_err(|error| broken(file, &error))?;
-        let name = entry.name().map_err(|error| broken(file, &error))?.into_owned();
+        let entry = archive
+            .by_index(index)
+            .map_err(|error| broken(file, &error))?;
+        let name = entry
+            .name()
+            .map_err(|error| broken(file, &error))?
+            .into_owned();
         let size = entry.size();
         if !entry.is_file() || !name.to_ascii_lowercase().ends_with(".hgt") {
             continue;
@@ -46,7 +51,13 @@ pub(super) fn open(
         let side = description.grid.width;
         description.chunk = (side, side);
         description.chunk_bytes = size * 2;
-        let raster = PackedCell { path: path.to_owned(), file: inner, index, side, reading };
+        let raster = PackedCell {
+            path: path.to_owned(),
+            file: inner,
+            index,
+            side,
+            reading,
+        };
         sources.push(Source::new(description, Box::new(raster)));
     }
     if sources.is_empty() {
@@ -79,18 +90,26 @@ struct PackedCell {
 impl Raster for PackedCell {
     fn read(&self, _column: u32, _row: u32) -> Result<Pixels, SourceError> {
         let mut archive = open_archive(&self.path, &self.file)?;
-        let entry =
-            archive.by_index(self.index).map_err(|error| broken(&self.file, &error))?;
+        let entry = archive
+            .by_index(self.index)
+            .map_err(|error| broken(&self.file, &error))?;
         let due = 2 * self.side as usize * self.side as usize;
         let mut bytes = Vec::with_capacity(due);
         entry
             .take(due as u64 + 1)
             .read_to_end(&mut bytes)
-            .map_err(|error| SourceError::damaged(&self.file, format!("it cannot be unpacked: {error}")))?;
+            .map_err(|error| {
+                SourceError::damaged(&self.file, format!("it cannot be unpacked: {error}"))
+            })?;
         if bytes.len() != due {
-            let problem = format!("it unpacks to {} bytes or more instead of {due}", bytes.len());
+            let problem = format!(
+                "it unpacks to {} bytes or more instead of {due}",
+                bytes.len()
+            );
             return Err(SourceError::damaged(&self.file, problem));
         }
-        Ok(self.reading.pixels(self.side, self.side, hgt::numbers(&bytes), None))
+        Ok(self
+            .reading
+            .pixels(self.side, self.side, hgt::numbers(&bytes), None))
     }
 }

@@ -109,13 +109,25 @@ pub(super) fn describe(
 }
 
 /// Opens a cell that lies in the file system.
-pub(super) fn open(path: &Path, file: &str, options: &ImportOptions) -> Result<Source, SourceError> {
+pub(super) fn open(
+    path: &Path,
+    file: &str,
+    options: &ImportOptions,
+) -> Result<Source, SourceError> {
     let unreadable = |error| SourceError::unreadable(file, error);
     let bytes = std::fs::metadata(path).map_err(unreadable)?.len();
-    let name = path.file_name().map(|name| name.to_string_lossy()).unwrap_or_default();
+    let name = path
+        .file_name()
+        .map(|name| name.to_string_lossy())
+        .unwrap_or_default();
     let (description, reading) = describe(file, &name, bytes, options)?;
     let side = description.grid.width;
-    let raster = Cell { path: path.to_owned(), file: file.to_owned(), side, reading };
+    let raster = Cell {
+        path: path.to_owned(),
+        file: file.to_owned(),
+        side,
+        reading,
+    };
     Ok(Source::new(description, Box::new(raster)))
 }
 
@@ -143,7 +155,8 @@ impl Raster for Cell {
         let row_bytes = 2 * u64::from(self.side);
         let mut bytes = vec![0; rows as usize * row_bytes as usize];
         let mut file = File::open(&self.path).map_err(unreadable)?;
-        file.seek(SeekFrom::Start(u64::from(first) * row_bytes)).map_err(unreadable)?;
+        file.seek(SeekFrom::Start(u64::from(first) * row_bytes))
+            .map_err(unreadable)?;
         file.read_exact(&mut bytes).map_err(unreadable)?;
         Ok(self.reading.pixels(self.side, rows, numbers(&bytes), None))
     }
@@ -157,7 +170,13 @@ mod tests {
     fn names_place_cells() {
         assert_eq!(corner_of("N45E006.hgt"), Some((45.0, 6.0)));
         assert_eq!(corner_of("a/b/s01w072.SRTMGL1.hgt"), Some((-1.0, -72.0)));
-        for name in ["N45.hgt", "X45E006.hgt", "N95E006.hgt", "N45E0061.hgt", "é45E006.hgt"] {
+        for name in [
+            "N45.hgt",
+            "X45E006.hgt",
+            "N95E006.hgt",
+            "N45E0061.hgt",
+            "é45E006.hgt",
+        ] {
             assert_eq!(corner_of(name), None, "{name}");
         }
     }

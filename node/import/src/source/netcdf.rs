@@ -19,15 +19,27 @@ use crate::options::ImportOptions;
 const BAND_BYTES: u64 = 4 << 20;
 
 /// Opens the one grid of a file.
-pub(super) fn open(path: &Path, file: &str, options: &ImportOptions) -> Result<Source, SourceError> {
+pub(super) fn open(
+    path: &Path,
+    file: &str,
+    options: &ImportOptions,
+) -> Result<Source, SourceError> {
     let broken = |error: netcdf_reader::Error| broken(file, &error);
     let refuse = |problem: String, remedy: &str| Err(SourceError::refused(file, problem, remedy));
     let opened = NcFile::open(path).map_err(broken)?;
     let variables = opened.variables().map_err(broken)?;
-    let names: Vec<&str> = variables.iter().filter(|v| is_grid(v)).map(NcVariable::name).collect();
+    let names: Vec<&str> = variables
+        .iter()
+        .filter(|v| is_grid(v))
+        .map(NcVariable::name)
+        .collect();
     let [name] = names[..] else {
         return refuse(
-            format!("it holds {} grids ({}), and one is needed", names.len(), names.join(", ")),
+            format!(
+                "it holds {} grids ({}), and one is needed",
+                names.len(),
+                names.join(", ")
+            ),
             "Take one out first, for example with gdal_translate NETCDF:FILE:VARIABLE OUT.",
         );
     };
@@ -35,13 +47,22 @@ pub(super) fn open(path: &Path, file: &str, options: &ImportOptions) -> Result<S
     let shape = variable.shape();
     let leading = shape.len() - 2;
     let (Some(height), Some(width)) = (shape.get(leading), shape.get(leading + 1)) else {
-        return refuse("its grid has no two dimensions".to_owned(), "Write it as a plain grid.");
+        return refuse(
+            "its grid has no two dimensions".to_owned(),
+            "Write it as a plain grid.",
+        );
     };
     let (Ok(width), Ok(height)) = (u32::try_from(*width), u32::try_from(*height)) else {
-        return refuse(format!("its grid of {width}×{height} is too large"), "Split it.");
+        return refuse(
+            format!("its grid of {width}×{height} is too large"),
+            "Split it.",
+        );
     };
     let axis = |dimension: usize| -> Result<Axis, SourceError> {
-        let name = variable.dimensions().get(dimension).map_or("", |d| d.name.as_str());
+        let name = variable
+            .dimensions()
+            .get(dimension)
+            .map_or("", |d| d.name.as_str());
         let Ok(coordinates) = opened.variable(name) else {
             return Err(SourceError::refused(
                 file,
@@ -88,7 +109,13 @@ pub(super) fn open(path: &Path, file: &str, options: &ImportOptions) -> Result<S
         NcType::Double => (Number::F64, false),
         _ => (Number::F64, true),
     };
-    let bands = Bands { count: 1, number, colour: Colour::Plain, alpha: None, nodata };
+    let bands = Bands {
+        count: 1,
+        number,
+        colour: Colour::Plain,
+        alpha: None,
+        nodata,
+    };
     if options.kind == Kind::Imagery {
         return refuse(
             "a NetCDF grid is one band of numbers, not imagery".to_owned(),
@@ -143,7 +170,11 @@ fn is_grid(variable: &NcVariable) -> bool {
             | NcType::Float
             | NcType::Double
     );
-    let Some((grid, leading)) = shape.len().checked_sub(2).map(|at| (&shape[at..], &shape[..at])) else {
+    let Some((grid, leading)) = shape
+        .len()
+        .checked_sub(2)
+        .map(|at| (&shape[at..], &shape[..at]))
+    else {
         return false;
     };
     numeric && grid.iter().all(|n| *n > 1) && leading.iter().all(|n| *n == 1)
@@ -179,8 +210,13 @@ impl Axis {
         let units = text("units").unwrap_or_default().to_ascii_lowercase();
         let name = variable.name().to_ascii_lowercase();
         let degrees = units.starts_with("degree")
-            || (units.is_empty() && ["lat", "latitude", "lon", "longitude"].contains(&name.as_str()));
-        Ok(Self { first: *first, step, degrees })
+            || (units.is_empty()
+                && ["lat", "latitude", "lon", "longitude"].contains(&name.as_str()));
+        Ok(Self {
+            first: *first,
+            step,
+            degrees,
+        })
     }
 }
 
@@ -201,8 +237,16 @@ impl Raster for NetCdf {
         let rows = self.band_rows.min(self.height.saturating_sub(first));
         let mut selections = vec![NcSliceInfoElem::Index(0); self.leading];
         let (start, end) = (u64::from(first), u64::from(first + rows));
-        selections.push(NcSliceInfoElem::Slice { start, end, step: 1 });
-        selections.push(NcSliceInfoElem::Slice { start: 0, end: u64::from(self.width), step: 1 });
+        selections.push(NcSliceInfoElem::Slice {
+            start,
+            end,
+            step: 1,
+        });
+        selections.push(NcSliceInfoElem::Slice {
+            start: 0,
+            end: u64::from(self.width),
+            step: 1,
+        });
         let numbers = self
             .opened
             .read_variable_slice_as_f64(&self.name, &NcSliceInfo { selections })

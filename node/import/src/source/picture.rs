@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 use image::{ColorType, ImageDecoder, ImageReader};
 
-use super::pixels::{Alpha, Bands, Colour, Number, RawSamples, Reading};
+use super::pixels::{Bands, Colour, Number, RawSamples, Reading};
 use super::raw::Rows;
 use super::{Description, Pixels, Raster, SampleWidth, Source, badly_placed, without_georeference};
 use crate::error::SourceError;
@@ -19,7 +19,11 @@ use crate::options::{Endianness, ImportOptions};
 const JPEG_TAIL: u64 = 1 << 16;
 
 /// Opens a picture.
-pub(super) fn open(path: &Path, file: &str, options: &ImportOptions) -> Result<Source, SourceError> {
+pub(super) fn open(
+    path: &Path,
+    file: &str,
+    options: &ImportOptions,
+) -> Result<Source, SourceError> {
     let extent = options.extent.ok_or_else(|| without_georeference(file))?;
     if options.crs.is_some() {
         return Err(SourceError::refused(
@@ -30,7 +34,10 @@ pub(super) fn open(path: &Path, file: &str, options: &ImportOptions) -> Result<S
     }
     let jpeg = is_jpeg(path).map_err(|error| SourceError::unreadable(file, error))?;
     if jpeg && !jpeg_ends(path).map_err(|error| SourceError::unreadable(file, error))? {
-        return Err(SourceError::damaged(file, "the JPEG is cut off: it has no end marker"));
+        return Err(SourceError::damaged(
+            file,
+            "the JPEG is cut off: it has no end marker",
+        ));
     }
     let decoder = decoder(path, file)?;
     let (width, height) = decoder.dimensions();
@@ -53,9 +60,23 @@ pub(super) fn open(path: &Path, file: &str, options: &ImportOptions) -> Result<S
         }
     };
     drop(decoder);
-    let colour = if count >= 3 { Colour::Rgb } else { Colour::Plain };
-    let alpha = alpha.then_some(Alpha { band: count - 1, premultiplied: false });
-    let reading = Reading::choose(file, Bands { count, number, colour, alpha, nodata: None }, options)?;
+    let colour = if count >= 3 {
+        Colour::Rgb
+    } else {
+        Colour::Plain
+    };
+    let alpha = alpha.then_some(count - 1);
+    let reading = Reading::choose(
+        file,
+        Bands {
+            count,
+            number,
+            colour,
+            alpha,
+            nodata: None,
+        },
+        options,
+    )?;
     let registered = options.node_registered.unwrap_or(false);
     let grid = Grid::of_extent(width, height, extent, registered)
         .map_err(|clause| badly_placed(file, clause))?;
@@ -64,13 +85,18 @@ pub(super) fn open(path: &Path, file: &str, options: &ImportOptions) -> Result<S
         if jpeg {
             return Err(SourceError::refused(
                 file,
-                format!("a JPEG unpacks only as a whole, here to {} MiB, more than the memory given allows", bytes >> 20),
+                format!(
+                    "a JPEG unpacks only as a whole, here to {} MiB, more than the memory given allows",
+                    bytes >> 20
+                ),
                 "Cut it into tiles first: gdal_translate -co TILED=YES -co COMPRESS=DEFLATE -a_srs EPSG:4326 -a_ullr WEST NORTH EAST SOUTH IN OUT.",
             ));
         }
         let unpacked = unpack_png(path, file, options)?;
         let endianness = Endianness::Big;
-        return Ok(Rows::new(unpacked, file, &grid, 0, endianness, reading).into_source(grid, 1.0, 0.0));
+        return Ok(
+            Rows::new(unpacked, file, &grid, 0, endianness, reading).into_source(grid, 1.0, 0.0)
+        );
     }
     let description = Description {
         file: file.to_owned(),
@@ -83,14 +109,19 @@ pub(super) fn open(path: &Path, file: &str, options: &ImportOptions) -> Result<S
         chunk: (width, height),
         chunk_bytes: unpacked,
     };
-    let raster = Picture { path: path.to_owned(), file: file.to_owned(), reading };
+    let raster = Picture {
+        path: path.to_owned(),
+        file: file.to_owned(),
+        reading,
+    };
     Ok(Source::new(description, Box::new(raster)))
 }
 
 fn decoder(path: &Path, file: &str) -> Result<impl ImageDecoder, SourceError> {
     let unreadable = |error| SourceError::unreadable(file, error);
-    let mut reader =
-        ImageReader::open(path).and_then(ImageReader::with_guessed_format).map_err(unreadable)?;
+    let mut reader = ImageReader::open(path)
+        .and_then(ImageReader::with_guessed_format)
+        .map_err(unreadable)?;
     // The size is checked against the memory that was given, before anything is unpacked.
     reader.no_limits();
     reader.into_decoder().map_err(|error| broken(file, &error))
@@ -133,7 +164,10 @@ fn unpack_png(path: &Path, file: &str, options: &ImportOptions) -> Result<File, 
     let unwritable = |error: std::io::Error| {
         SourceError::refused(
             file,
-            format!("it must be unpacked into {}, and that failed: {error}", options.into.display()),
+            format!(
+                "it must be unpacked into {}, and that failed: {error}",
+                options.into.display()
+            ),
             "Make room there.",
         )
     };
@@ -142,7 +176,8 @@ fn unpack_png(path: &Path, file: &str, options: &ImportOptions) -> Result<File, 
     while let Some(row) = reader.next_row().map_err(|error| broken(file, &error))? {
         rows.write_all(row.data()).map_err(unwritable)?;
     }
-    rows.into_inner().map_err(|error| unwritable(error.into_error()))
+    rows.into_inner()
+        .map_err(|error| unwritable(error.into_error()))
 }
 
 struct Picture {
@@ -156,7 +191,9 @@ impl Raster for Picture {
         let decoder = decoder(&self.path, &self.file)?;
         let (width, height) = decoder.dimensions();
         let mut bytes = vec![0; decoder.total_bytes() as usize];
-        decoder.read_image(&mut bytes).map_err(|error| broken(&self.file, &error))?;
+        decoder
+            .read_image(&mut bytes)
+            .map_err(|error| broken(&self.file, &error))?;
         let raw = if self.reading.number() == Number::U16 {
             let pairs = bytes.as_chunks::<2>().0.iter();
             RawSamples::U16(pairs.map(|pair| u16::from_ne_bytes(*pair)).collect())

@@ -48,21 +48,14 @@ pub(crate) enum Colour {
     Palette(Vec<[u8; 3]>),
 }
 
-/// A band that tells which pixels hold data.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Alpha {
-    pub(crate) band: usize,
-    /// Colours were multiplied by it.
-    pub(crate) premultiplied: bool,
-}
-
 /// What a file says about its bands.
 #[derive(Clone, Debug)]
 pub(crate) struct Bands {
     pub(crate) count: usize,
     pub(crate) number: Number,
     pub(crate) colour: Colour,
-    pub(crate) alpha: Option<Alpha>,
+    /// The band that is 0 where there is no data. Colours that were multiplied by it are kept as they are stored.
+    pub(crate) alpha: Option<usize>,
     pub(crate) nodata: Option<f64>,
 }
 
@@ -91,7 +84,7 @@ pub(crate) struct Reading {
     number: Number,
     chosen: Vec<usize>,
     colour: Colour,
-    alpha: Option<Alpha>,
+    alpha: Option<usize>,
     nodata: Option<f64>,
     range: Option<[f64; 2]>,
 }
@@ -139,8 +132,15 @@ impl Reading {
         bands: Bands,
         options: &ImportOptions,
     ) -> Result<Self, SourceError> {
-        let refuse = |problem: String, remedy: &str| Err(SourceError::refused(file, problem, remedy));
-        let Bands { count, number, colour, alpha, nodata } = bands;
+        let refuse =
+            |problem: String, remedy: &str| Err(SourceError::refused(file, problem, remedy));
+        let Bands {
+            count,
+            number,
+            colour,
+            alpha,
+            nodata,
+        } = bands;
         let nodata = options.nodata.or(nodata);
         let data_bands = count - usize::from(alpha.is_some());
         let mut chosen = Vec::new();
@@ -158,7 +158,9 @@ impl Reading {
             Kind::Imagery => {
                 if !matches!(number, Number::Bits(_)) && options.range.is_none() {
                     return refuse(
-                        format!("it holds {number} samples, and imagery is 8 bits a channel"),
+                        format!(
+                            "it holds {number} samples, and imagery is unsigned 8 bits a channel"
+                        ),
                         "Say with --range LOW,HIGH which samples to show as black and as white.",
                     );
                 }
@@ -168,7 +170,9 @@ impl Reading {
                         (_, 1) => vec![0],
                         _ => {
                             return refuse(
-                                format!("it has {data_bands} bands and does not say which are red, green and blue"),
+                                format!(
+                                    "it has {data_bands} bands and does not say which are red, green and blue"
+                                ),
                                 "Name them, for example with --bands 3,2,1, or one band for grey.",
                             );
                         }
@@ -204,15 +208,32 @@ impl Reading {
                 );
                 if options.kind == Kind::Sar && !fits {
                     return refuse(
-                        format!("it holds {number} samples, and SAR is unsigned 8 or 16 bits or floating point"),
+                        format!(
+                            "it holds {number} samples, and SAR is unsigned 8 or 16 bits or floating point"
+                        ),
                         "Convert it first, for example with gdal_translate -ot Float32.",
                     );
                 }
             }
         }
-        let Bands { colour, alpha, .. } = Bands { count, number, colour, alpha, nodata };
+        let Bands { colour, alpha, .. } = Bands {
+            count,
+            number,
+            colour,
+            alpha,
+            nodata,
+        };
         let (kind, range) = (options.kind, options.range);
-        Ok(Self { kind, count, number, chosen, colour, alpha, nodata, range })
+        Ok(Self {
+            kind,
+            count,
+            number,
+            chosen,
+            colour,
+            alpha,
+            nodata,
+            range,
+        })
     }
 
     /// Channels a pixel.
@@ -235,7 +256,7 @@ impl Reading {
 
     /// The bands that are looked at, for files that keep each band apart.
     pub(crate) fn needs(&self, band: usize) -> bool {
-        self.chosen.contains(&band) || self.alpha.is_some_and(|alpha| alpha.band == band)
+        self.chosen.contains(&band) || self.alpha == Some(band)
     }
 
     /// Bytes of one pixel once read, at most.
@@ -259,7 +280,9 @@ impl Reading {
         let samples = match self.kind {
             Kind::Imagery => Samples::U8(self.colours(raw, &mut valid)),
             Kind::Elevation | Kind::Sar => match raw {
-                RawSamples::U8(v) if self.kind == Kind::Sar => Samples::U8(self.one(&v, &mut valid)),
+                RawSamples::U8(v) if self.kind == Kind::Sar => {
+                    Samples::U8(self.one(&v, &mut valid))
+                }
                 RawSamples::U8(v) => Samples::I16(widened(&self.one(&v, &mut valid))),
                 RawSamples::I8(v) => Samples::I16(widened(&self.one(&v, &mut valid))),
                 RawSamples::U16(v) => Samples::U16(self.one(&v, &mut valid)),
@@ -270,14 +293,27 @@ impl Reading {
                 RawSamples::F64(v) => Samples::F64(self.one(&v, &mut valid)),
             },
         };
-        let valid = if valid.iter().all(|v| *v) { None } else { Some(valid) };
-        Pixels { width, height, samples, valid }
+        let valid = if valid.iter().all(|v| *v) {
+            None
+        } else {
+            Some(valid)
+        };
+        Pixels {
+            width,
+            height,
+            samples,
+            valid,
+        }
     }
 
     /// The chosen band alone.
     fn one<T: Copy + Default + Into<f64>>(&self, raw: &[T], valid: &mut [bool]) -> Vec<T> {
         let band = self.chosen.first().copied().unwrap_or(0);
-        let limit = if self.kind == Kind::Elevation { HIGHEST_SENSIBLE_M } else { f64::MAX };
+        let limit = if self.kind == Kind::Elevation {
+            HIGHEST_SENSIBLE_M
+        } else {
+            f64::MAX
+        };
         let nodata = self.stored_nodata();
         let mut values = Vec::with_capacity(valid.len());
         for (pixel, valid) in raw.chunks_exact(self.count).zip(valid.iter_mut()) {
@@ -292,8 +328,7 @@ impl Reading {
     }
 
     fn alpha_of<T: Copy + Into<f64>>(&self, pixel: &[T]) -> Option<f64> {
-        let alpha = self.alpha?;
-        pixel.get(alpha.band).map(|value| (*value).into())
+        pixel.get(self.alpha?).map(|value| (*value).into())
     }
 
     /// The fill value as a sample of the file would hold it: a 32-bit sample rounds it.
@@ -312,7 +347,11 @@ impl Reading {
                     && self.colour == Colour::Rgb
                     && self.nodata.is_none()
                     && self.range.is_none();
-                if untouched { bytes } else { self.paint(&bytes, valid) }
+                if untouched {
+                    bytes
+                } else {
+                    self.paint(&bytes, valid)
+                }
             }
             RawSamples::I8(v) => self.paint(&v, valid),
             RawSamples::U16(v) => self.paint(&v, valid),
@@ -334,19 +373,14 @@ impl Reading {
         for (pixel, valid) in raw.chunks_exact(self.count).zip(valid.iter_mut()) {
             let band = |index: usize| {
                 let band = self.chosen.get(index).or_else(|| self.chosen.first());
-                band.and_then(|band| pixel.get(*band)).map_or(0.0, |value| (*value).into())
+                band.and_then(|band| pixel.get(*band))
+                    .map_or(0.0, |value| (*value).into())
             };
-            let mut numbers = [band(0), band(1), band(2)];
+            let numbers = [band(0), band(1), band(2)];
             // A pixel is empty where every band holds the fill value.
             let empty = nodata.is_some_and(|fill| numbers.iter().all(|number| *number == fill));
-            let mut holds = !empty && numbers.iter().all(|number| !number.is_nan());
-            if let Some(alpha) = self.alpha_of(pixel) {
-                holds &= alpha > 0.0;
-                if self.alpha.is_some_and(|a| a.premultiplied) && alpha > 0.0 {
-                    numbers = numbers.map(|number| number * most / alpha);
-                }
-            }
-            *valid &= holds;
+            let opaque = self.alpha_of(pixel).is_none_or(|alpha| alpha > 0.0);
+            *valid &= opaque && !empty && numbers.iter().all(|number| !number.is_nan());
             let colour = match &self.colour {
                 Colour::Palette(table) => {
                     let entry = table.get(numbers[0] as usize).copied();
@@ -379,5 +413,10 @@ fn widened<A: Copy + Into<B>, B>(values: &[A]) -> Vec<B> {
 /// JFIF (ITU-T T.871, section 7): full-range YCbCr by the weights of BT.601.
 fn rgb_of_ycbcr([y, cb, cr]: [f64; 3]) -> [u8; 3] {
     let (cb, cr) = (cb - 128.0, cr - 128.0);
-    [y + 1.402 * cr, y - 0.344_136 * cb - 0.714_136 * cr, y + 1.772 * cb].map(|v| v.round() as u8)
+    [
+        y + 1.402 * cr,
+        y - 0.344_136 * cb - 0.714_136 * cr,
+        y + 1.772 * cb,
+    ]
+    .map(|v| v.round() as u8)
 }

@@ -23,7 +23,14 @@ pub(super) fn open(
     layout: RawLayout,
     options: &ImportOptions,
 ) -> Result<Source, SourceError> {
-    let RawLayout { width, height, sample, endianness, header_bytes, bands: count } = layout;
+    let RawLayout {
+        width,
+        height,
+        sample,
+        endianness,
+        header_bytes,
+        bands: count,
+    } = layout;
     if width == 0 || height == 0 || count == 0 || count > 1024 {
         return Err(SourceError::refused(
             file,
@@ -31,9 +38,13 @@ pub(super) fn open(
             "Give width, height and bands of at least 1.",
         ));
     }
-    let length = std::fs::metadata(path).map_err(|e| SourceError::unreadable(file, e))?.len();
+    let length = std::fs::metadata(path)
+        .map_err(|e| SourceError::unreadable(file, e))?
+        .len();
     let samples = u64::from(width) * u64::from(height) * count as u64;
-    let due = samples.saturating_mul(sample.bytes() as u64).saturating_add(header_bytes);
+    let due = samples
+        .saturating_mul(sample.bytes() as u64)
+        .saturating_add(header_bytes);
     if due != length {
         return Err(SourceError::refused(
             file,
@@ -51,8 +62,18 @@ pub(super) fn open(
         RawSample::F32 => Number::F32,
         RawSample::F64 => Number::F64,
     };
-    let colour = if count == 3 || count == 4 { Colour::Rgb } else { Colour::Plain };
-    let bands = Bands { count, number, colour, alpha: None, nodata: None };
+    let colour = if count == 3 || count == 4 {
+        Colour::Rgb
+    } else {
+        Colour::Plain
+    };
+    let bands = Bands {
+        count,
+        number,
+        colour,
+        alpha: None,
+        nodata: None,
+    };
     let reading = Reading::choose(file, bands, options)?;
     let extent = options.extent.ok_or_else(|| without_georeference(file))?;
     let registered = options.node_registered.unwrap_or(false);
@@ -88,7 +109,16 @@ impl Rows {
         let row_bytes = u64::from(width) * (reading.band_count() * reading.number().bytes()) as u64;
         let band_rows = (CHUNK_BYTES / row_bytes.max(1)).clamp(1, 1024) as u32;
         let (name, file) = (name.to_owned(), Mutex::new(file));
-        Self { name, file, width, height, first_byte, endianness, band_rows, reading }
+        Self {
+            name,
+            file,
+            width,
+            height,
+            first_byte,
+            endianness,
+            band_rows,
+            reading,
+        }
     }
 
     pub(super) fn into_source(self, grid: Grid, scale: f64, offset: f64) -> Source {
@@ -142,7 +172,12 @@ impl Raster for Rows {
 /// Bytes in file order to numbers.
 fn numbers_of(bytes: Vec<u8>, number: Number, big: bool) -> RawSamples {
     fn each<const N: usize, T>(bytes: &[u8], make: impl Fn([u8; N]) -> T) -> Vec<T> {
-        bytes.as_chunks::<N>().0.iter().map(|chunk| make(*chunk)).collect()
+        bytes
+            .as_chunks::<N>()
+            .0
+            .iter()
+            .map(|chunk| make(*chunk))
+            .collect()
     }
     match (number, big) {
         (Number::Bits(_), _) => RawSamples::U8(bytes),

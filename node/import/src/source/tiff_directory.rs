@@ -57,18 +57,32 @@ impl Directories {
         if big {
             reader.file.seek(SeekFrom::Start(8))?;
         }
-        let mut next = if big { reader.long8()? } else { u64::from(reader.long()?) };
+        let mut next = if big {
+            reader.long8()?
+        } else {
+            u64::from(reader.long()?)
+        };
         let mut list = Vec::new();
         let mut seen = Vec::new();
         while next != 0 {
             if seen.contains(&next) || list.len() >= MOST_DIRECTORIES {
-                return Err(io::Error::new(io::ErrorKind::InvalidData, "directories run in a circle"));
+                return Err(io::Error::new(
+                    io::ErrorKind::InvalidData,
+                    "directories run in a circle",
+                ));
             }
             seen.push(next);
             reader.file.seek(SeekFrom::Start(next))?;
-            let count = if big { reader.long8()? } else { u64::from(reader.short()?) };
+            let count = if big {
+                reader.long8()?
+            } else {
+                u64::from(reader.short()?)
+            };
             if count > MOST_TAGS {
-                return Err(io::Error::new(io::ErrorKind::InvalidData, "a directory has no end"));
+                return Err(io::Error::new(
+                    io::ErrorKind::InvalidData,
+                    "a directory has no end",
+                ));
             }
             let mut directory = Directory::default();
             for index in 0..count {
@@ -96,7 +110,11 @@ impl Directories {
                     directory.singles.insert(number, (field, value));
                 }
             }
-            next = if big { reader.long8()? } else { u64::from(reader.long()?) };
+            next = if big {
+                reader.long8()?
+            } else {
+                u64::from(reader.long()?)
+            };
             list.push(directory);
         }
         Ok(Self { list, big_endian })
@@ -109,9 +127,16 @@ impl Directories {
         } else {
             BLACK_IS_ZERO.to_le_bytes()
         };
-        let fields = self.list.iter().filter_map(|directory| directory.singles.get(&tag::PHOTOMETRIC));
+        let fields = self
+            .list
+            .iter()
+            .filter_map(|directory| directory.singles.get(&tag::PHOTOMETRIC));
         let patches = fields.map(|(at, _)| (*at, grey)).collect();
-        Ok(Plain { file: BufReader::with_capacity(1 << 16, File::open(path)?), at: 0, patches })
+        Ok(Plain {
+            file: BufReader::with_capacity(1 << 16, File::open(path)?),
+            at: 0,
+            patches,
+        })
     }
 }
 

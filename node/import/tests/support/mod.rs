@@ -2,6 +2,7 @@
 
 #![allow(
     dead_code,
+    unreachable_pub,
     clippy::unwrap_used,
     clippy::expect_used,
     reason = "each test uses a part; a test that panics has failed"
@@ -46,13 +47,17 @@ pub fn run(options: &ImportOptions) -> Result<ImportReport, ImportError> {
 
 /// The real data beside the repository, where it is present.
 pub fn shared(name: &str) -> Option<PathBuf> {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data").join(name);
+    let path = Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("../../../shared/data")
+        .join(name);
     path.exists().then_some(path)
 }
 
 /// Data that lies with the tests.
 pub fn embedded(name: &str) -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data").join(name)
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("tests/data")
+        .join(name)
 }
 
 /// Where a GeoTIFF made on the spot lies.
@@ -74,7 +79,10 @@ impl Placement {
     /// Model coordinates of sample (column, row).
     pub fn model(&self, column: f64, row: f64) -> (f64, f64) {
         let half = if self.point { 0.0 } else { 0.5 };
-        (self.x + (column + half) * self.dx, self.y - (row + half) * self.dy)
+        (
+            self.x + (column + half) * self.dx,
+            self.y - (row + half) * self.dy,
+        )
     }
 
     /// The sample position of model coordinates.
@@ -95,19 +103,55 @@ pub fn write_geotiff(
 ) {
     let file = std::fs::File::create(path).unwrap();
     let mut encoder = TiffEncoder::new(std::io::BufWriter::new(file)).unwrap();
-    let mut image = encoder.new_image::<colortype::Gray32Float>(width, height).unwrap();
-    let Placement { epsg, geographic, x, y, dx, dy, point } = placement;
+    let mut image = encoder
+        .new_image::<colortype::Gray32Float>(width, height)
+        .unwrap();
+    let Placement {
+        epsg,
+        geographic,
+        x,
+        y,
+        dx,
+        dy,
+        point,
+    } = placement;
     let (model, key) = if geographic { (2, 2048) } else { (1, 3072) };
-    let keys: [u16; 16] = [1, 1, 0, 3, 1024, 0, 1, model, 1025, 0, 1, if point { 2 } else { 1 }, key, 0, 1, epsg];
+    let keys: [u16; 16] = [
+        1,
+        1,
+        0,
+        3,
+        1024,
+        0,
+        1,
+        model,
+        1025,
+        0,
+        1,
+        if point { 2 } else { 1 },
+        key,
+        0,
+        1,
+        epsg,
+    ];
     let tags = image.encoder();
-    tags.write_tag(Tag::from_u16_exhaustive(33550), &[dx, dy, 0.0][..]).unwrap();
-    tags.write_tag(Tag::from_u16_exhaustive(33922), &[0.0, 0.0, 0.0, x, y, 0.0][..]).unwrap();
-    tags.write_tag(Tag::from_u16_exhaustive(34735), &keys[..]).unwrap();
+    tags.write_tag(Tag::from_u16_exhaustive(33550), &[dx, dy, 0.0][..])
+        .unwrap();
+    tags.write_tag(
+        Tag::from_u16_exhaustive(33922),
+        &[0.0, 0.0, 0.0, x, y, 0.0][..],
+    )
+    .unwrap();
+    tags.write_tag(Tag::from_u16_exhaustive(34735), &keys[..])
+        .unwrap();
     if let Some(nodata) = nodata {
-        tags.write_tag(Tag::from_u16_exhaustive(42113), nodata.to_string().as_str()).unwrap();
+        tags.write_tag(Tag::from_u16_exhaustive(42113), nodata.to_string().as_str())
+            .unwrap();
     }
-    let samples: Vec<f32> =
-        (0..height).flat_map(|row| (0..width).map(move |column| (column, row))).map(|(c, r)| value(c, r)).collect();
+    let samples: Vec<f32> = (0..height)
+        .flat_map(|row| (0..width).map(move |column| (column, row)))
+        .map(|(c, r)| value(c, r))
+        .collect();
     image.write_data(&samples).unwrap();
 }
 
@@ -119,7 +163,10 @@ pub struct Values {
 
 impl Values {
     pub fn open(root: &Path) -> Self {
-        Self { repository: Repository::open(root).unwrap(), tiles: HashMap::new() }
+        Self {
+            repository: Repository::open(root).unwrap(),
+            tiles: HashMap::new(),
+        }
     }
 
     pub fn tile(&mut self, tile: geodesy::Tile) -> Option<&TileData> {
@@ -140,9 +187,12 @@ impl Values {
         let (s, t) = (position.i - i, position.j - j);
         let (i, j) = (i as i64, j as i64);
         let mut sum = 0.0;
-        for (di, dj, weight) in
-            [(0, 0, (1.0 - s) * (1.0 - t)), (1, 0, s * (1.0 - t)), (0, 1, (1.0 - s) * t), (1, 1, s * t)]
-        {
+        for (di, dj, weight) in [
+            (0, 0, (1.0 - s) * (1.0 - t)),
+            (1, 0, s * (1.0 - t)),
+            (0, 1, (1.0 - s) * t),
+            (1, 1, s * t),
+        ] {
             if weight > 1e-9 {
                 sum += weight * data.value(i + di, j + dj, channel)?;
             }
@@ -153,8 +203,13 @@ impl Values {
     /// Every node that two stored arrays share, border included, is the same in both; returns how many pairs
     /// were compared.
     pub fn check_shared_nodes(&mut self) -> usize {
-        let tiles: Vec<_> =
-            self.repository.tiles().unwrap().into_iter().map(|(tile, _)| tile).collect();
+        let tiles: Vec<_> = self
+            .repository
+            .tiles()
+            .unwrap()
+            .into_iter()
+            .map(|(tile, _)| tile)
+            .collect();
         let mut first: HashMap<LatticePoint, (geodesy::Tile, Option<Vec<u64>>)> = HashMap::new();
         let mut compared = 0;
         for level in 0..=geodesy::MAX_LEVEL {
