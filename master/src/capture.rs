@@ -146,3 +146,128 @@ impl Capture {
         outputs
     }
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(
+        clippy::unwrap_used,
+        clippy::expect_used,
+        reason = "a test that panics has failed"
+    )]
+
+    use protocol::membership::Membership;
+    use protocol::message::Hello;
+    use protocol::{PROTOCOL_VERSION, Wall};
+
+    use super::*;
+
+    const WALL: &str = r#"
+        [wall]
+        name = "two"
+        fps = 60.0
+        [[observers]]
+        name = "viewer"
+        head_m = [0.0, 1.5, 3.0]
+        [[screens]]
+        name = "front"
+        kind = "planar"
+        observer = "viewer"
+        size_px = [32, 16]
+        corners_m = { bottom_left = [-1.0, 1.0, 0.0], bottom_right = [1.0, 1.0, 0.0], top_left = [-1.0, 2.0, 0.0] }
+        [[hosts]]
+        name = "west"
+        [[hosts.outputs]]
+        name = "out"
+        size_px = [16, 16]
+        headless = true
+        channels = [{ screen = "front", canvas_px = [0, 0, 16, 16] }]
+        [[hosts]]
+        name = "east"
+        [[hosts.outputs]]
+        name = "out"
+        size_px = [16, 16]
+        headless = true
+        channels = [{ screen = "front", canvas_px = [16, 0, 16, 16] }]
+    "#;
+
+    fn picture(shade: u8) -> Vec<CapturedPicture> {
+        vec![CapturedPicture {
+            output: 0,
+            width: 16,
+            height: 16,
+            rgba: vec![shade; 1024],
+        }]
+    }
+
+    #[test]
+    fn pictures_are_asked_for_once_when_all_have_converged() {
+        let wall = Wall::parse(WALL, "test").unwrap();
+        let mut capture = Capture::new(&wall, 10);
+        capture.ready(0, 9, true, 0);
+        capture.ready(1, 10, true, 0);
+        assert!(!capture.ask_now(), "frame 9 moved");
+        capture.ready(0, 10, false, 4);
+        assert!(!capture.ask_now());
+        capture.ready(0, 11, true, 0);
+        assert!(capture.ask_now() && capture.is_asked() && !capture.ask_now());
+        capture.pictures(1, picture(1));
+        assert!(!capture.is_complete());
+        capture.pictures(0, picture(0));
+        assert!(capture.is_complete());
+        let outputs = capture.into_outputs(&wall);
+        let shades: Vec<_> = outputs
+            .iter()
+            .map(|output| (&*output.host, output.rgba[0]))
+            .collect();
+        assert_eq!(shades, [("west", 0), ("east", 1)]);
+    }
+
+    #[test]
+    fn a_node_lost_before_its_pictures_came_is_waited_for_again() {
+        let wall = Wall::parse(WALL, "test").unwrap();
+        let mut capture = Capture::new(&wall, 1);
+        capture.ready(0, 1, true, 0);
+        capture.ready(1, 1, true, 0);
+        assert!(capture.ask_now());
+        capture.pictures(0, picture(0));
+        capture.lost(0);
+        assert!(capture.is_asked(), "what it sent is still good");
+        capture.lost(1);
+        assert!(!capture.is_asked(), "frames go on for its successor");
+        capture.ready(1, 5, true, 0);
+        assert!(capture.ask_now());
+    }
+
+    #[test]
+    fn it_says_whom_it_waits_for_and_why() {
+        let wall = Wall::parse(WALL, "test").unwrap();
+        let mut membership = Membership::new(&wall, 1, "test");
+        let mut capture = Capture::new(&wall, 1);
+        let hello = |node: &str| Hello {
+            protocol_version: PROTOCOL_VERSION,
+            program_version: "test".into(),
+            session: 1,
+            node: node.into(),
+            adapter: "none".into(),
+            process_id: 1,
+        };
+        membership.hello(&hello("west"), 0).unwrap();
+        capture.ready(0, 1, false, 7);
+        let waits_for = capture.waits_for(membership.nodes());
+        assert_eq!(
+            waits_for,
+            [
+                "node \"west\" waits for 7 tiles",
+                "node \"east\" is not connected"
+            ]
+        );
+        membership.hello(&hello("east"), 0).unwrap();
+        capture.ready(0, 2, true, 0);
+        capture.ready(1, 2, true, 0);
+        assert!(capture.waits_for(membership.nodes()).is_empty());
+        assert!(capture.ask_now());
+        capture.pictures(0, picture(0));
+        let waits_for = capture.waits_for(membership.nodes());
+        assert_eq!(waits_for, ["node \"east\" has not sent its pictures"]);
+    }
+}

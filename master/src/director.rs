@@ -146,3 +146,131 @@ fn encode_scene(revision: u64, scene: &Scene) -> Result<Bytes, EncodeError> {
     };
     Ok(Arc::from(encode_to_node(&message)?))
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(
+        clippy::unwrap_used,
+        clippy::expect_used,
+        reason = "a test that panics has failed"
+    )]
+
+    use protocol::codec::{decode_to_node, decode_view};
+    use protocol::message::HeldKeys;
+
+    use super::*;
+
+    const SCENE: &str = "layers = []\n[camera]\nmode = \"orbit\"\n\
+        place = { latitude_deg = 20.0, longitude_deg = 10.0, altitude_m = 12e6, pitch_deg = -90.0 }\n\
+        centre = { latitude_deg = 90.0, longitude_deg = 0.0 }\ndegrees_per_second = 10.0\n";
+
+    fn director() -> Director {
+        let scene = Scene::parse(SCENE, "test").unwrap();
+        let wall = Wall {
+            name: "test".into(),
+            fps: 60.0,
+            observers: vec![],
+            screens: vec![],
+            hosts: vec![],
+            cache: protocol::wall::CacheBudgets::default(),
+        };
+        Director::new(&wall, scene).unwrap()
+    }
+
+    fn view(director: &mut Director, frame: u64, time: CameraTime) -> View {
+        let presented_from_us = 1_000_000 + frame as i64 * 50_000;
+        let request = FrameRequest {
+            epoch: 3,
+            frame,
+            previous_swap: None,
+            presented_from_us,
+        };
+        decode_view(&director.view(request, time, 7).unwrap()).unwrap()
+    }
+
+    #[test]
+    fn steps_do_not_depend_on_how_long_frames_take_and_the_clock_does() {
+        let mut director = director();
+        let start = view(&mut director, 1, CameraTime::Waiting);
+        assert_eq!(
+            start.pose,
+            view(
+                &mut director,
+                1,
+                CameraTime::Steps {
+                    frame: 0,
+                    fps: 60.0
+                }
+            )
+            .pose
+        );
+        let second = view(
+            &mut director,
+            61,
+            CameraTime::Steps {
+                frame: 60,
+                fps: 60.0,
+            },
+        );
+        let clock = view(
+            &mut director,
+            20,
+            CameraTime::Clock {
+                start_us: 1_000_000,
+            },
+        );
+        assert_eq!(
+            second.pose, clock.pose,
+            "both are one second after the start"
+        );
+        assert_ne!(second.pose, start.pose);
+        let held = view(&mut director, 90, CameraTime::Held);
+        assert!(held.settle && held.pose == clock.pose && !clock.settle);
+        assert_eq!(
+            (held.epoch, held.frame, held.sent_us, held.scene_revision),
+            (3, 90, 7, 1)
+        );
+    }
+
+    #[test]
+    fn the_operator_takes_the_camera_over_where_it_is() {
+        let mut director = director();
+        let before = view(&mut director, 10, CameraTime::Clock { start_us: 0 });
+        director.steer(&Steer::default(), 1_500_000);
+        let after = view(&mut director, 11, CameraTime::Clock { start_us: 0 });
+        let moved = |a: &View, b: &View| {
+            let distance = |i: usize| (a.pose.position_m[i] - b.pose.position_m[i]).powi(2);
+            (0..3).map(distance).sum::<f64>().sqrt()
+        };
+        assert!(
+            moved(&before, &after) < 1e-3,
+            "the scene's own motion has ended"
+        );
+        let held = HeldKeys::default().with(HeldKeys::SINK, true);
+        director.steer(
+            &Steer {
+                held,
+                ..Steer::default()
+            },
+            1_550_000,
+        );
+        view(&mut director, 11, CameraTime::Clock { start_us: 0 });
+        let later = view(&mut director, 12, CameraTime::Clock { start_us: 0 });
+        assert!(moved(&after, &later) > 1.0);
+    }
+
+    #[test]
+    fn another_scene_is_another_revision() {
+        let mut director = director();
+        director.steer(&Steer::default(), 0);
+        let scene = Scene::parse(
+            &SCENE.replace("longitude_deg = 10.0", "longitude_deg = 50.0"),
+            "test",
+        );
+        director.set_scene(scene.unwrap()).unwrap();
+        let sent = decode_to_node(director.encoded_scene()).unwrap();
+        assert!(matches!(sent, ToNode::Scene { revision: 2, .. }));
+        let first = view(&mut director, 5, CameraTime::Waiting);
+        assert_eq!(first.scene_revision, 2);
+    }
+}

@@ -397,7 +397,10 @@ fn a_new_scene_and_a_late_node_need_no_restart() {
     nodes.start("node0");
     nodes.start("node2");
     wait_for(&master, 10, |notice| match notice {
-        Notice::Started { nodes, hosts } => Some(assert_eq!((*nodes, *hosts), (2, 3))),
+        Notice::Started { nodes, hosts } => {
+            assert_eq!((*nodes, *hosts), (2, 3));
+            Some(())
+        }
         _ => None,
     });
     master.set_scene(scene());

@@ -182,3 +182,66 @@ impl Mail {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(
+        clippy::unwrap_used,
+        clippy::expect_used,
+        reason = "a test that panics has failed"
+    )]
+
+    use std::sync::atomic::{AtomicU32, Ordering};
+
+    use super::*;
+
+    fn bye(number: usize) -> Outgoing {
+        Outgoing::Message(ToMaster::Bye {
+            reason: number.to_string(),
+        })
+    }
+
+    #[test]
+    fn what_has_arrived_is_taken_once_and_ends_a_wait() {
+        let mail = Arc::new(Mail::new(None));
+        assert!(mail.take_inbox().is_none());
+        let start_us = link::now_us();
+        mail.wait(Some(start_us + 3_000));
+        assert!(link::now_us() >= start_us + 3_000);
+        let network = Arc::clone(&mail);
+        let thread = std::thread::spawn(move || {
+            std::thread::sleep(Duration::from_millis(5));
+            network.deliver(|inbox| inbox.capture = Some(1));
+            network.deliver(|inbox| inbox.leave = true);
+        });
+        mail.wait(None);
+        thread.join().unwrap();
+        let inbox = mail.take_inbox().unwrap();
+        assert_eq!((inbox.capture, inbox.leave), (Some(1), true));
+        assert!(mail.take_inbox().is_none());
+    }
+
+    #[test]
+    fn a_network_that_takes_nothing_costs_the_oldest_words_and_no_memory() {
+        let mail = Mail::new(None);
+        (0..LONGEST_QUEUE + 3).for_each(|number| mail.send(bye(number), false));
+        let (outgoing, stop) = mail.take_outgoing();
+        assert_eq!((outgoing.len(), stop), (LONGEST_QUEUE, false));
+        let first = format!("{:?}", outgoing.front().unwrap());
+        assert!(first.contains("\"3\""), "{first}");
+        mail.request_stop();
+        assert!(mail.take_outgoing().1);
+    }
+
+    #[test]
+    fn a_driver_that_waits_elsewhere_is_woken_by_every_delivery() {
+        let calls = Arc::new(AtomicU32::new(0));
+        let counter = Arc::clone(&calls);
+        let mail = Mail::new(Some(Arc::new(move || {
+            counter.fetch_add(1, Ordering::SeqCst);
+        })));
+        mail.deliver(|inbox| inbox.leave = true);
+        mail.deliver(|inbox| inbox.disconnected = true);
+        assert_eq!(calls.load(Ordering::SeqCst), 2);
+    }
+}

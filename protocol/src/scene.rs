@@ -97,7 +97,7 @@ pub struct Atmosphere {
 /// How finely the surface is drawn.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct MeshOptions {
-    /// Refinement of a tile's patch: 2^refinement cells a side, 0…7.
+    /// Refinement of a tile's patch: 2^refinement squares a side, of four triangles each, 0…7.
     pub refinement: u8,
     /// Side of a tile on the wall, in pixels, above which it splits, 16…4096.
     pub tile_px: f64,
@@ -128,7 +128,7 @@ impl Default for Atmosphere {
 impl Default for MeshOptions {
     fn default() -> Self {
         Self {
-            refinement: 4,
+            refinement: 3,
             tile_px: 257.0,
             deepest_level: geodesy::MAX_LEVEL,
         }

@@ -3,8 +3,9 @@
 //! In: a wall, a scene, what is asked of the run. Out: the master's outcome. Whatever happens, no process and no
 //! identity is left: children end with this process, the identity with the run.
 
+use std::ffi::OsString;
 use std::net::{Ipv4Addr, SocketAddr};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use anyhow::Context as _;
@@ -69,7 +70,7 @@ pub(crate) fn run(wall: &Wall, scene: &Scene, run: Run) -> Result<Shown, Failure
             identity: identity_folder.clone(),
             headless: run.headless,
             arguments: Vec::new(),
-            environment: environment(wall.hosts.len()),
+            environment: environment(wall.hosts.len(), folder.path()),
         })?;
     }
     let watched = watch(&master, &mut children, run.frames);
@@ -134,18 +135,23 @@ fn watch(
     Ok(dead)
 }
 
-/// A software driver starts as many threads as there are cores, in every node: together they would only take the
-/// cores from each other. Other drivers do not know the variable.
-fn environment(nodes: usize) -> Vec<(std::ffi::OsString, std::ffi::OsString)> {
+/// What nodes of one machine need to know of each other.
+fn environment(nodes: usize, folder: &Path) -> Vec<(OsString, OsString)> {
     const THREADS: &str = "LP_NUM_THREADS";
-    if std::env::var_os(THREADS).is_some() {
-        return Vec::new();
+    const RUNTIME: &str = "XDG_RUNTIME_DIR";
+    let mut environment = Vec::new();
+    // A software driver starts as many threads as there are cores, in every node: together they would only take
+    // the cores from each other. Other drivers do not know the variable.
+    if std::env::var_os(THREADS).is_none() {
+        let cores = std::thread::available_parallelism().map_or(1, usize::from);
+        let threads = (cores / nodes.max(1)).max(1);
+        environment.push((THREADS.into(), threads.to_string().into()));
     }
-    let cores = std::thread::available_parallelism().map_or(1, usize::from);
-    vec![(
-        THREADS.into(),
-        (cores / nodes.max(1)).max(1).to_string().into(),
-    )]
+    // Without a private folder the driver complains in every process.
+    if std::env::var_os(RUNTIME).is_none() {
+        environment.push((RUNTIME.into(), folder.into()));
+    }
+    environment
 }
 
 /// On this machine all repositories can be looked at before anything starts.

@@ -4,7 +4,7 @@
 //! failure: the last picture stays and the node looks for it.
 
 use std::io::Read as _;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use link::Identity;
 use node::{NodeError, NodeOptions, NodeStatus, SessionError, WallPictureMaker};
@@ -29,7 +29,7 @@ pub(crate) fn run(args: Node) -> Result<(), Failure> {
         identity,
         headless,
         stop: Arc::new(interrupt::requested),
-        status: Arc::new(tell),
+        status: Arc::new(teller()),
     };
     let outcome = node::run(options, |display| {
         Ok(Box::new(WallPictureMaker::open(display)?))
@@ -39,12 +39,21 @@ pub(crate) fn run(args: Node) -> Result<(), Failure> {
     Ok(())
 }
 
-fn tell(status: &NodeStatus) {
-    match status {
-        NodeStatus::Searching { reason } => tracing::info!("looking for the master: {reason}"),
-        NodeStatus::Joined { wall } => tracing::info!("joined the wall \"{wall}\""),
-        NodeStatus::Lost { reason } => {
-            tracing::warn!("lost the master, looking for it again: {reason}");
+/// Says on standard error how the node stands with its master, whenever that changes.
+fn teller() -> impl Fn(&NodeStatus) + Send + Sync {
+    let said = Mutex::new(String::new());
+    move |status| {
+        let line = match status {
+            NodeStatus::Searching { reason } => format!("looks for its master: {reason}"),
+            NodeStatus::Joined { wall } => format!("has joined the wall \"{wall}\""),
+            NodeStatus::Lost { reason } => {
+                format!("has lost its master and looks for it: {reason}")
+            }
+        };
+        let mut said = said.lock().unwrap_or_else(PoisonError::into_inner);
+        if *said != line {
+            eprintln!("terrawall: the node {line}");
+            *said = line;
         }
     }
 }

@@ -2,14 +2,19 @@
 //!
 //! In: the master's notices. Out: a progress bar where there is a terminal, and lines for what needs attention.
 
+use std::collections::HashSet;
 use std::time::Duration;
 
 use indicatif::{ProgressBar, ProgressStyle};
 use master::Notice;
 
+/// Lines about strangers that are remembered, so that one who knocks for ever is told of once.
+const REMEMBERED: usize = 256;
+
 /// Tells notices.
 pub(crate) struct Teller {
     bar: ProgressBar,
+    said: HashSet<String>,
 }
 
 impl Teller {
@@ -25,12 +30,23 @@ impl Teller {
             bar.set_style(style.progress_chars("=> "));
         }
         bar.enable_steady_tick(Duration::from_millis(250));
-        Self { bar }
+        Self {
+            bar,
+            said: HashSet::new(),
+        }
     }
 
     /// Says a line.
     pub(crate) fn say(&self, line: &str) {
         self.bar.suspend(|| eprintln!("terrawall: {line}"));
+    }
+
+    /// Says a line, and never again the same.
+    fn say_once(&mut self, line: String) {
+        if self.said.len() < REMEMBERED && !self.said.contains(&line) {
+            self.say(&line);
+            self.said.insert(line);
+        }
     }
 
     /// Tells what has happened.
@@ -55,12 +71,15 @@ impl Teller {
                 address,
                 reason,
             } => {
-                self.say(&format!("refused \"{node}\" at {address}: {reason}"));
+                self.say_once(format!("refused \"{node}\" at {}: {reason}", address.ip()));
             }
             Notice::Stranger { address, reason } => {
-                self.say(&format!("turned away a stranger at {address}: {reason}"));
+                self.say_once(format!(
+                    "turned away a stranger at {}: {reason}",
+                    address.ip()
+                ));
             }
-            Notice::Fault { node, message } => self.say(&format!("node \"{node}\": {message}")),
+            Notice::Fault { node, message } => self.say_once(format!("node \"{node}\": {message}")),
             Notice::Started { nodes, hosts } if nodes < hosts => {
                 self.say(&format!(
                     "begins with {nodes} of {hosts} nodes; the others may come later"

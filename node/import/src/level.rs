@@ -143,19 +143,29 @@ fn reading_order(source: &Source, number: usize, row: f64) -> u64 {
     (number as u64) << 32 | band
 }
 
-/// Calls `visit` with the tile and row under each of many positions, the edges of the grid included.
-fn probe(grid: &Grid, spacing: Spacing, level: u8, mut visit: impl FnMut(Tile, f64)) {
+/// About how many tiles of a level a grid touches.
+pub(crate) fn tile_estimate(grid: &Grid, spacing: Spacing, level: u8) -> f64 {
+    let (across, down) = probe_steps(grid, spacing, level);
+    across * PROBE_STEP * down * PROBE_STEP
+}
+
+/// Steps of probes along columns and rows.
+fn probe_steps(grid: &Grid, spacing: Spacing, level: u8) -> (f64, f64) {
     let tile_m = 256.0 * spacing.narrowest_cell_m / f64::from(1_u32 << level);
     let steps = |samples: u32, distance_m: f64| {
         let reach = f64::from(samples - 1) + 2.0 * grid.margin();
-        (reach * distance_m / (PROBE_STEP * tile_m))
-            .ceil()
-            .clamp(1.0, 1e6) as u32
+        (reach * distance_m / (PROBE_STEP * tile_m)).ceil().max(1.0)
     };
-    let (across, down) = (
+    (
         steps(grid.width, spacing.column_m),
         steps(grid.height, spacing.row_m),
-    );
+    )
+}
+
+/// Calls `visit` with the tile and row under each of many positions, the edges of the grid included.
+fn probe(grid: &Grid, spacing: Spacing, level: u8, mut visit: impl FnMut(Tile, f64)) {
+    let (across, down) = probe_steps(grid, spacing, level);
+    let (across, down) = (across as u32, down as u32);
     let at = |samples: u32, k: u32, steps: u32| {
         let reach = f64::from(samples - 1) + 2.0 * grid.margin();
         reach * f64::from(k) / f64::from(steps) - grid.margin()

@@ -13,7 +13,7 @@ use rayon::ThreadPool;
 use tiles::{Dataset, Index, Kind, Repository, SampleType, SourceNote};
 
 use crate::error::ImportError;
-use crate::level::{Spacing, touched};
+use crate::level::{Spacing, tile_estimate, touched};
 use crate::lock::Lock;
 use crate::lru::Lru;
 use crate::options::ImportOptions;
@@ -24,6 +24,8 @@ use crate::resample::Resampler;
 use crate::source::{self, ChunkCache, SampleWidth, Source};
 use crate::staging::{Publication, Staging, open_repository};
 
+/// More tiles than this are no import but a mistake.
+const MOST_TILES: f64 = 5e7;
 const LEAST_MEMORY_BYTES: u64 = 64 << 20;
 /// The quantum for whole metres, and the coarsest there is.
 const COARSEST_QUANTUM_M: f64 = 1.0 / 16.0;
@@ -100,13 +102,14 @@ fn run(
     progress: &dyn Progress,
     cancel: &AtomicBool,
 ) -> Result<ImportReport, ImportError> {
-    let describe = |existing: Option<&Dataset>| describe(options, sources, existing, progress);
-    let mut staging = Staging::open(options, describe, progress)?;
     let spacings: Vec<Spacing> = sources
         .iter()
         .map(|source| Spacing::of(source.grid(), &options.planet))
         .collect();
     let sets = sets_of(options, sources, &spacings);
+    check_size(sources, &spacings, &sets)?;
+    let describe = |existing: Option<&Dataset>| describe(options, sources, existing, progress);
+    let mut staging = Staging::open(options, describe, progress)?;
     let mut report = ImportReport::new(&options.into, sources, staging.resumed);
     let mut pool = rayon::ThreadPoolBuilder::new().thread_name(|n| format!("import {n}"));
     if let Some(threads) = options.threads {
@@ -287,6 +290,25 @@ fn sets_of(options: &ImportOptions, sources: &[Source], spacings: &[Spacing]) ->
     sets
 }
 
+fn check_size(sources: &[Source], spacings: &[Spacing], sets: &[Set]) -> Result<(), ImportError> {
+    for set in sets {
+        let estimate = |member: &usize| match (sources.get(*member), spacings.get(*member)) {
+            (Some(source), Some(spacing)) => {
+                tile_estimate(source.grid(), *spacing, set.natural_level)
+            }
+            _ => 0.0,
+        };
+        let tiles: f64 = set.members.iter().map(estimate).sum();
+        if tiles > MOST_TILES {
+            return Err(ImportError::Options(format!(
+                "level {} would take about {tiles:.0} tiles: choose a coarser level or import in parts.",
+                set.natural_level
+            )));
+        }
+    }
+    Ok(())
+}
+
 struct Context<'import> {
     options: &'import ImportOptions,
     sources: &'import [Source],
@@ -357,6 +379,15 @@ impl Context<'_> {
                     .to_owned(),
             ));
         }
+        report.levels_done(set.level);
+        if made.is_empty() {
+            let name = self.options.into.display();
+            self.progress.note(&format!(
+                "{name}: level {} holds all of this already",
+                set.level
+            ));
+            return staging.skip_pass();
+        }
         let publication = Publication {
             revision: dataset.revision,
             deepest_level: after.deepest_level(),
@@ -370,7 +401,6 @@ impl Context<'_> {
             .phase(&format!("publishing pass {}", number + 1), 1);
         staging.finish_pass(&after, publication)?;
         self.progress.advance(1);
-        report.levels_done(set.level);
         Ok(())
     }
 

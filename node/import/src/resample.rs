@@ -14,6 +14,9 @@ use crate::placing::{BLOCK, Placing, exact, face_cells, face_point, smooth, trus
 use crate::sampler::{MOST_CHANNELS, Sampler, Value};
 use crate::source::{ChunkCache, Source};
 
+/// Heights of more quanta than this do not fit into a tile; fill values that nobody declared are like that.
+const LARGEST_HEIGHT: f64 = 2.0e9;
+
 /// What all tiles of one pass share.
 pub(crate) struct Resampler<'pass> {
     pub(crate) sources: &'pass [Source],
@@ -154,9 +157,11 @@ impl Resampler<'_> {
                         .flat_map(|y| columns.clone().map(move |x| (x, y)));
                     for ((x, y), value) in nodes.zip(values.iter()) {
                         let Some(value) = value else { continue };
-                        let samples =
-                            value.map(|number| T::nearest(number * reader.scale + reader.offset));
-                        put(x, y, &samples[..self.channels]);
+                        let numbers = value.map(|number| number * reader.scale + reader.offset);
+                        if self.kind == Kind::Elevation && numbers[0].abs() > LARGEST_HEIGHT {
+                            continue;
+                        }
+                        put(x, y, &numbers.map(T::nearest)[..self.channels]);
                         reader.count += 1;
                     }
                 }

@@ -10,8 +10,9 @@ use crate::source::{ChunkCache, Pixels, Samples, Source};
 
 /// The most channels that a source delivers.
 pub(crate) const MOST_CHANNELS: usize = 3;
-/// Chunks that a sampler keeps at hand without asking the cache.
+/// Chunks, and bytes of them, that a sampler keeps at hand without asking the cache.
 const AT_HAND: usize = 8;
+const AT_HAND_BYTES: u64 = 16 << 20;
 /// Windows larger than this are not gathered; their nodes are looked up one by one.
 const LARGEST_WINDOW: u64 = 1 << 13;
 
@@ -58,7 +59,8 @@ impl<'source> Sampler<'source> {
             return Ok(chunk.clone());
         }
         let chunk = self.source.chunk(self.cache, self.number, column, row)?;
-        if self.at_hand.len() >= AT_HAND {
+        let fitting = AT_HAND_BYTES / self.source.description.chunk_bytes.max(1);
+        if self.at_hand.len() >= AT_HAND.min(fitting.max(1) as usize) {
             self.at_hand.remove(0);
         }
         self.at_hand.push(((column, row), chunk.clone()));

@@ -185,6 +185,6 @@ pub(crate) fn badly_placed(file: &str, clause: String) -> SourceError {
     SourceError::refused(
         file,
         clause,
-        "Correct its georeference, or override it with --extent or --crs.",
+        "Correct its georeference (with gdal_edit, for example), or the extent or system that was given.",
     )
 }

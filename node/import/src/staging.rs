@@ -237,6 +237,12 @@ impl Staging {
         self.publish()
     }
 
+    /// Ends a pass that changes nothing.
+    pub(crate) fn skip_pass(&mut self) -> Result<(), ImportError> {
+        self.manifest.pass += 1;
+        self.store()
+    }
+
     /// Moves what is left to move. May be repeated after a kill at any point.
     fn publish(&mut self) -> Result<(), ImportError> {
         let Some(publication) = self.manifest.publishing.clone() else {

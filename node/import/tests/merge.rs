@@ -158,6 +158,8 @@ fn importing_again_changes_no_tile() {
     assert!(run(&asked).unwrap().tiles > 0);
     let before = Values::open(&into).repository.tiles().unwrap();
     assert_eq!(run(&asked).unwrap().tiles, 0);
+    let dataset = Values::open(&into).repository.dataset().clone();
+    assert_eq!((dataset.revision, dataset.sources.len()), (1, 1));
     assert_eq!(Values::open(&into).repository.tiles().unwrap(), before);
 }
 
@@ -252,4 +254,19 @@ fn voids_of_real_cells_stay_void_until_something_lies_below() {
     let mut values = Values::open(into);
     assert_eq!(void(&mut values), 0);
     assert_eq!(values.at(45.8326, 6.8652, level, 0), Some(summit));
+}
+
+#[test]
+fn a_level_that_no_disk_could_hold_is_refused() {
+    let directory = tempfile::tempdir().unwrap();
+    let [coarse, _] = sources(directory.path());
+    let into = directory.path().join("repository");
+    let mut asked = options(Kind::Elevation, &[coarse], &into);
+    asked.level = Some(22);
+    let message = run(&asked).unwrap_err().to_string();
+    assert!(
+        message.contains("level 22") && message.contains("coarser level"),
+        "{message}"
+    );
+    assert!(!into.exists());
 }

@@ -12,11 +12,13 @@ use crate::renderer::Renderer;
 pub struct WindowSurface {
     output: String,
     index: usize,
+    /// Before the surface: fields are dropped in this order, and a surface must not go while a picture of its
+    /// own is still held, as it is when a node leaves between drawing and presenting.
+    acquired: Option<wgpu::SurfaceTexture>,
     surface: wgpu::Surface<'static>,
     config: wgpu::SurfaceConfiguration,
     pipeline: wgpu::RenderPipeline,
     bindings: wgpu::BindGroup,
-    acquired: Option<wgpu::SurfaceTexture>,
 }
 
 impl WindowSurface {
@@ -88,6 +90,8 @@ impl WindowSurface {
     /// Follows a change of the window's size. The picture keeps its own.
     pub fn resize(&mut self, gpu: &Gpu, size: [u32; 2]) {
         if size[0] > 0 && size[1] > 0 && size != [self.config.width, self.config.height] {
+            // A surface cannot change while a picture of its old size is held.
+            self.acquired = None;
             self.config.width = size[0];
             self.config.height = size[1];
             self.surface.configure(&gpu.device, &self.config);
@@ -98,7 +102,13 @@ impl WindowSurface {
     /// A window that is hidden has no next picture; that is no error.
     pub fn prepare(&mut self, gpu: &Gpu) -> Result<(), RenderError> {
         use wgpu::CurrentSurfaceTexture as Current;
-        let texture = match self.surface.get_current_texture() {
+        // A picture that was prepared and never presented, because the wall went on without it, is drawn over:
+        // a window gives out one at a time.
+        let next = match self.acquired.take() {
+            Some(texture) => Current::Success(texture),
+            None => self.surface.get_current_texture(),
+        };
+        let texture = match next {
             Current::Success(texture) | Current::Suboptimal(texture) => texture,
             Current::Timeout | Current::Occluded => return Ok(()),
             Current::Outdated | Current::Lost => {

@@ -89,8 +89,8 @@ pub(crate) struct Reading {
     range: Option<[f64; 2]>,
 }
 
-/// Heights beyond this are no heights of a planet but fill values.
-const HIGHEST_SENSIBLE_M: f64 = 1.0e6;
+/// Numbers beyond this are no heights of a planet, not even in millimetres, but fill values.
+const HIGHEST_SENSIBLE: f64 = 1.0e9;
 
 impl Number {
     /// Bytes of one sample in memory.
@@ -310,7 +310,7 @@ impl Reading {
     fn one<T: Copy + Default + Into<f64>>(&self, raw: &[T], valid: &mut [bool]) -> Vec<T> {
         let band = self.chosen.first().copied().unwrap_or(0);
         let limit = if self.kind == Kind::Elevation {
-            HIGHEST_SENSIBLE_M
+            HIGHEST_SENSIBLE
         } else {
             f64::MAX
         };
