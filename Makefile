@@ -5,7 +5,7 @@ SHELL       := /bin/bash
 .SHELLFLAGS := -euo pipefail -c
 .DEFAULT_GOAL := help
 
-TERRAWALL := target/release/terrawall
+TERRAWALL := $(or $(CARGO_TARGET_DIR),target)/release/terrawall
 SOURCES   := tests/data
 DATA      := out/data
 # What decides the bytes of a repository: when it changes, the data is imported anew.

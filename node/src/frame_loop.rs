@@ -125,6 +125,10 @@ impl FrameLoop {
             Some(Step::SayReady { epoch, frame }) => self.say_ready(epoch, frame),
             Some(Step::Present(swap)) => self.presenting = Some(swap),
             None => {
+                if self.waiting.is_some() {
+                    // Drawn and ready: nothing but the swap and the presentation can come next.
+                    self.priority.raise();
+                }
                 if link::now_us() >= self.counters_due_us {
                     self.tell_counters();
                 }
@@ -210,6 +214,10 @@ impl FrameLoop {
         if inbox.leave {
             self.leave("the run is over");
         }
+        if inbox.welcome.is_some() || inbox.scene.is_some() || inbox.capture.is_some() {
+            // These take their time.
+            self.priority.lower();
+        }
         let mut next = None;
         if let Some((wall, host)) = inbox.welcome {
             next = self.welcome(wall, host);
@@ -243,6 +251,7 @@ impl FrameLoop {
         self.early_view = None;
         self.next_scene = None;
         self.counters_due_us = i64::MAX;
+        self.priority.lower();
     }
 
     fn welcome(&mut self, wall: Arc<Wall>, host: usize) -> Option<Next> {
@@ -313,6 +322,7 @@ impl FrameLoop {
         let Some(picture) = &mut self.picture else {
             return;
         };
+        self.priority.lower();
         link::sleep_until_us(self.rest_until_us);
         let start_us = link::now_us();
         let drawn = match picture.draw(view) {

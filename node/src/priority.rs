@@ -3,34 +3,36 @@
 //!
 //! A thread that sleeps until its moment still has to wait for a processor then. Beside other busy programs that
 //! takes milliseconds, and it is most of the skew of a wall whose nodes draw on the processor. So the frame loop
-//! becomes a real-time thread for its last sleep and the presentation, which are short, and an ordinary
+//! becomes a real-time thread from "ready" to the presentation, while it does nearly nothing, and an ordinary
 //! one for everything else: a real-time thread that draws would stop the machine.
 
-use rustix::process::getpriority_process;
+use rustix::process::{getpriority_process, setpriority_process};
 use thread_priority::unix::{
     NormalThreadSchedulePolicy, RealtimeThreadSchedulePolicy, ThreadSchedulePolicy,
     set_thread_priority_and_policy, thread_native_id,
 };
 use thread_priority::{ThreadPriority, ThreadPriorityValue};
 
-/// The crate's name for niceness 0, to which the thread returns.
-const ORDINARY: u8 = 49;
+/// The crate's value for niceness 0.
+const ORDINARY: u8 = 48;
 
 /// Whether and how this thread may go first.
 #[derive(Debug)]
 pub(crate) struct Priority {
     allowed: bool,
     raised: bool,
+    /// What the thread returns to: it may have been given another one than 0 on purpose.
+    niceness: i32,
 }
 
 impl Priority {
     /// Finds out what the calling thread may do. Root may, and users with a limit for real-time priority.
     pub(crate) fn of_this_thread() -> Self {
-        // A process with another niceness was given it on purpose, and could not be given it back.
-        let ordinary = getpriority_process(None).is_ok_and(|niceness| niceness == 0);
+        let niceness = getpriority_process(None).unwrap_or(0);
         let mut priority = Self {
-            allowed: ordinary,
+            allowed: true,
             raised: false,
+            niceness,
         };
         priority.raise();
         priority.lower();
@@ -54,6 +56,11 @@ impl Priority {
             let ordinary = ThreadSchedulePolicy::Normal(NormalThreadSchedulePolicy::Other);
             if let Ok(value) = ThreadPriorityValue::try_from(ORDINARY) {
                 self.set(ThreadPriority::Crossplatform(value), ordinary);
+            }
+            if self.niceness != 0
+                && let Err(error) = setpriority_process(None, self.niceness)
+            {
+                tracing::debug!(%error, "the thread's niceness cannot be given back");
             }
         }
     }

@@ -93,6 +93,6 @@ fn the_surface_of_every_verification_scene_is_closed() {
         assert!(walk.is_closed(), "{name}: {walk:?}");
         assert_eq!(walk.euler_characteristic(), 2, "{name}: {walk:?}");
         let leaves = selection.leaves().len();
-        println!("{name}: {leaves} leaves, {mixed} of them beside coarser data, {walk:?}");
+        eprintln!("{name}: {leaves} leaves, {mixed} of them beside coarser data, {walk:?}");
     }
 }

@@ -194,7 +194,7 @@ mod tests {
     use super::*;
 
     // PYPROJ_TABLE: EPSG number, latitude, longitude, x, y by PROJ (pyproj, always_xy, from EPSG:4326).
-    const PROJ: &[(u32, f64, f64, f64, f64)] = &include!("../tests/data/proj_values.rs");
+    const PROJ: &[(u32, f64, f64, f64, f64)] = &include!("../tests/data/proj_values.in");
 
     #[test]
     fn transforms_agree_with_proj() {

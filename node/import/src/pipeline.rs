@@ -349,7 +349,7 @@ impl Context<'_> {
             level: set.level,
             sample_type: dataset.sample_type,
             made: Mutex::default(),
-            tiles: Lru::new(self.options.memory_bytes / 4),
+            tiles: Lru::new(self.options.memory_bytes / 8 * 3),
             filling: false,
         };
         self.take_over(&pass)?;

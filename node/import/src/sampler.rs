@@ -54,17 +54,25 @@ impl<'source> Sampler<'source> {
         }
     }
 
-    fn chunk(&mut self, column: u32, row: u32) -> Result<Arc<Pixels>, Error> {
-        if let Some((_, chunk)) = self.at_hand.iter().find(|(key, _)| *key == (column, row)) {
-            return Ok(chunk.clone());
-        }
-        let chunk = self.source.chunk(self.cache, self.number, column, row)?;
-        let fitting = AT_HAND_BYTES / self.source.description.chunk_bytes.max(1);
-        if self.at_hand.len() >= AT_HAND.min(fitting.max(1) as usize) {
-            self.at_hand.remove(0);
-        }
-        self.at_hand.push(((column, row), chunk.clone()));
-        Ok(chunk)
+    /// A chunk by its column and row among the chunks.
+    fn chunk(&mut self, column: u32, row: u32) -> Result<&Pixels, Error> {
+        let known = self
+            .at_hand
+            .iter()
+            .position(|(key, _)| *key == (column, row));
+        let place = match known {
+            Some(place) => place,
+            None => {
+                let chunk = self.source.chunk(self.cache, self.number, column, row)?;
+                let fitting = AT_HAND_BYTES / self.source.description.chunk_bytes.max(1);
+                if self.at_hand.len() >= AT_HAND.min(fitting.max(1) as usize) {
+                    self.at_hand.remove(0);
+                }
+                self.at_hand.push(((column, row), chunk));
+                self.at_hand.len() - 1
+            }
+        };
+        Ok(&self.at_hand[place].1)
     }
 
     /// One sample; columns and rows beyond the grid count as the nearest, or wrap around the planet.
@@ -165,7 +173,7 @@ impl<'source> Sampler<'source> {
         for chunk_row in top / down..=bottom / down {
             for chunk_column in left / across..=right / across {
                 let chunk = self.chunk(chunk_column, chunk_row)?;
-                window.copy(&chunk, (chunk_column * across, chunk_row * down), channels);
+                window.copy(chunk, (chunk_column * across, chunk_row * down), channels);
             }
         }
         self.window = window;

@@ -46,16 +46,11 @@ pub(super) fn open(
         first.single(tag::COMPRESSION),
     )?;
     let subfile = |index: usize| directories.list.get(index)?.single(tag::SUBFILE_TYPE);
-    let size_of = |index: usize| {
-        let directory = directories.list.get(index)?;
-        Some((
-            directory.single(tag::WIDTH)?,
-            directory.single(tag::HEIGHT)?,
-        ))
-    };
     // Bit 2 marks a mask, bit 0 a reduced image.
-    let mask = (1..directories.list.len())
-        .find(|index| subfile(*index).is_some_and(|t| t & 5 == 4) && size_of(*index) == size_of(0));
+    let mask = (1..directories.list.len()).find(|index| {
+        subfile(*index).is_some_and(|t| t & 5 == 4)
+            && directories.size(*index) == directories.size(0)
+    });
     let compression = first.single(tag::COMPRESSION).unwrap_or(NO_COMPRESSION);
     let opener = Opener {
         path: path.to_owned(),
@@ -67,7 +62,7 @@ pub(super) fn open(
         file,
         decoder: &mut decoder,
     };
-    let layout = Layout::of(&mut tags, file)?;
+    let layout = Layout::of(&mut tags, opener.directories.size(0), file)?;
     let bands = bands_of(&mut tags, &layout, &opener.directories)?;
     let reading = Reading::choose(file, bands, options)?;
     let geo = tags.geo_tags()?;
@@ -460,7 +455,9 @@ impl Raster for GeoTiff {
             }
             zeros(layout.number, pixels * layout.samples)
         } else {
-            self.image.decode(&self.opener, chunk)?.2
+            let (row_pixels, _, raw) = self.image.decode(&self.opener, chunk)?;
+            let samples = |pixels: u32| pixels as usize * layout.samples;
+            raw.cut(samples(row_pixels), samples(width), height as usize)
         };
         Ok(self.reading.pixels(width, height, raw, mask))
     }

@@ -19,6 +19,39 @@ pub(crate) enum RawSamples {
     F64(Vec<f64>),
 }
 
+impl RawSamples {
+    /// The first `samples` of each row of `row_samples`, of the first `rows` rows.
+    pub(crate) fn cut(self, row_samples: usize, samples: usize, rows: usize) -> Self {
+        fn each<T: Copy>(
+            mut values: Vec<T>,
+            row_samples: usize,
+            samples: usize,
+            rows: usize,
+        ) -> Vec<T> {
+            if samples < row_samples {
+                for row in 1..rows {
+                    let start = row * row_samples;
+                    if start + samples <= values.len() {
+                        values.copy_within(start..start + samples, row * samples);
+                    }
+                }
+            }
+            values.truncate(samples * rows);
+            values
+        }
+        match self {
+            Self::U8(v) => Self::U8(each(v, row_samples, samples, rows)),
+            Self::I8(v) => Self::I8(each(v, row_samples, samples, rows)),
+            Self::U16(v) => Self::U16(each(v, row_samples, samples, rows)),
+            Self::I16(v) => Self::I16(each(v, row_samples, samples, rows)),
+            Self::U32(v) => Self::U32(each(v, row_samples, samples, rows)),
+            Self::I32(v) => Self::I32(each(v, row_samples, samples, rows)),
+            Self::F32(v) => Self::F32(each(v, row_samples, samples, rows)),
+            Self::F64(v) => Self::F64(each(v, row_samples, samples, rows)),
+        }
+    }
+}
+
 /// The number type of a file's samples, without their storage.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Number {

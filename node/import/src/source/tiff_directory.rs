@@ -1,8 +1,10 @@
 //! What the `tiff` crate does not tell about a TIFF: where its directories stand, so that masks are found and the
 //! stored numbers come out untouched.
 //!
-//! The crate interprets colours on reading, and drops bands or refuses palettes and masks that way. A reader that
-//! shows it every image as plain greys makes it return all bands as they are stored.
+//! The crate interprets colours on reading, and drops bands or refuses palettes and masks that way; and it cuts
+//! tiles to the image, which fails for some LZW streams and for the later planes of images in planes. A reader that
+//! shows it every image as plain greys, as wide and high as its tiles together, makes it return all bands as they
+//! are stored.
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -16,25 +18,35 @@ pub(super) mod tag {
     pub(in super::super) const HEIGHT: u16 = 257;
     pub(in super::super) const COMPRESSION: u16 = 259;
     pub(in super::super) const PHOTOMETRIC: u16 = 262;
+    pub(in super::super) const TILE_WIDTH: u16 = 322;
+    pub(in super::super) const TILE_HEIGHT: u16 = 323;
 }
 
 /// Photometric interpretation "black is zero".
-const BLACK_IS_ZERO: u16 = 1;
+const BLACK_IS_ZERO: u32 = 1;
 /// More directories than any pyramid of overviews and masks needs.
 const MOST_DIRECTORIES: usize = 256;
 /// More tags than any writer puts in one directory.
 const MOST_TAGS: u64 = 4096;
 
-/// One directory: for each tag with a single short or long value, the value and the file offset of it.
+/// One directory: its tags with a single short or long value.
 #[derive(Debug, Default)]
 pub(super) struct Directory {
-    singles: BTreeMap<u16, (u64, u32)>,
+    singles: BTreeMap<u16, Single>,
+}
+
+/// A value and where in the file it stands.
+#[derive(Clone, Copy, Debug)]
+struct Single {
+    at: u64,
+    value: u32,
+    is_short: bool,
 }
 
 impl Directory {
     /// The value of a tag that has exactly one.
     pub(super) fn single(&self, tag: u16) -> Option<u32> {
-        self.singles.get(&tag).map(|(_, value)| *value)
+        self.singles.get(&tag).map(|single| single.value)
     }
 }
 
@@ -107,7 +119,12 @@ impl Directories {
                     reader.long()?;
                 }
                 if values == 1 && matches!(kind, 3 | 4) {
-                    directory.singles.insert(number, (field, value));
+                    let single = Single {
+                        at: field,
+                        value,
+                        is_short: kind == 3,
+                    };
+                    directory.singles.insert(number, single);
                 }
             }
             next = if big {
@@ -120,43 +137,74 @@ impl Directories {
         Ok(Self { list, big_endian })
     }
 
-    /// Opens the file so that every image in it appears as plain greys.
+    /// Columns and rows of an image.
+    pub(super) fn size(&self, image: usize) -> Option<(u32, u32)> {
+        let directory = self.list.get(image)?;
+        Some((
+            directory.single(tag::WIDTH)?,
+            directory.single(tag::HEIGHT)?,
+        ))
+    }
+
+    /// Opens the file so that every image in it appears as plain greys that fill its tiles.
     pub(super) fn open_plain(&self, path: &Path) -> io::Result<Plain> {
-        let grey = if self.big_endian {
-            BLACK_IS_ZERO.to_be_bytes()
-        } else {
-            BLACK_IS_ZERO.to_le_bytes()
-        };
-        let fields = self
-            .list
-            .iter()
-            .filter_map(|directory| directory.singles.get(&tag::PHOTOMETRIC));
-        let patches = fields.map(|(at, _)| (*at, grey)).collect();
+        let mut patches = Vec::new();
+        for directory in &self.list {
+            let single = |tag| directory.singles.get(&tag).copied();
+            if let Some(photometric) = single(tag::PHOTOMETRIC) {
+                self.patch(photometric, BLACK_IS_ZERO, &mut patches);
+            }
+            for (side, tile) in [
+                (tag::WIDTH, tag::TILE_WIDTH),
+                (tag::HEIGHT, tag::TILE_HEIGHT),
+            ] {
+                if let (Some(side), Some(tile)) = (single(side), single(tile))
+                    && let Some(filled) = side.value.checked_next_multiple_of(tile.value)
+                {
+                    self.patch(side, filled, &mut patches);
+                }
+            }
+        }
+        let file = BufReader::with_capacity(1 << 16, File::open(path)?);
         Ok(Plain {
-            file: BufReader::with_capacity(1 << 16, File::open(path)?),
+            file,
             at: 0,
             patches,
         })
     }
+
+    /// Lists the bytes that replace a value.
+    fn patch(&self, single: Single, value: u32, patches: &mut Vec<(u64, u8)>) {
+        let mut bytes = value.to_le_bytes().to_vec();
+        if single.is_short {
+            if value > u32::from(u16::MAX) {
+                return;
+            }
+            bytes.truncate(2);
+        }
+        if self.big_endian {
+            bytes.reverse();
+        }
+        patches.extend((single.at..).zip(bytes));
+    }
 }
 
-/// A file with the photometric interpretation of its images replaced.
+/// A file some bytes of which are replaced.
 pub(super) struct Plain {
     file: BufReader<File>,
     at: u64,
-    patches: Vec<(u64, [u8; 2])>,
+    patches: Vec<(u64, u8)>,
 }
 
 impl Read for Plain {
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
         let count = self.file.read(buffer)?;
-        for (place, bytes) in &self.patches {
-            for (step, byte) in bytes.iter().enumerate() {
-                let offset = (place + step as u64).checked_sub(self.at);
-                let target = offset.and_then(|o| buffer.get_mut(..count)?.get_mut(o as usize));
-                if let Some(target) = target {
-                    *target = *byte;
-                }
+        for (place, byte) in &self.patches {
+            let offset = place
+                .checked_sub(self.at)
+                .filter(|offset| *offset < count as u64);
+            if let Some(target) = offset.and_then(|offset| buffer.get_mut(offset as usize)) {
+                *target = *byte;
             }
         }
         self.at += count as u64;

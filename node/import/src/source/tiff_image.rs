@@ -34,8 +34,17 @@ pub(super) struct Layout {
 }
 
 impl Layout {
-    pub(super) fn of(tags: &mut Tags<'_, '_>, file: &str) -> Result<Self, SourceError> {
-        let (width, height) = tags.decoder.dimensions().map_err(|e| explain(file, e))?;
+    pub(super) fn of(
+        tags: &mut Tags<'_, '_>,
+        size: Option<(u32, u32)>,
+        file: &str,
+    ) -> Result<Self, SourceError> {
+        let Some((width, height)) = size else {
+            return Err(SourceError::damaged(
+                file,
+                "the TIFF does not say how large it is",
+            ));
+        };
         let samples = tags.number(277)?.unwrap_or(1) as usize;
         let bits = tags.numbers(258)?.first().copied().unwrap_or(1);
         let format = tags.numbers(339)?.first().copied().unwrap_or(1);
@@ -74,7 +83,7 @@ impl Layout {
         } else {
             chunk_height.min(height)
         };
-        if samples == 0 || chunk_width == 0 || chunk_height == 0 {
+        if samples == 0 || width == 0 || height == 0 || chunk_width == 0 || chunk_height == 0 {
             return Err(SourceError::damaged(file, "the TIFF has empty chunks"));
         }
         let endianness = if tags.decoder.byte_order() == tiff::tags::ByteOrder::BigEndian {
@@ -156,7 +165,7 @@ impl Image {
         };
         let compression = tags.number(tag::COMPRESSION)?.unwrap_or(NO_COMPRESSION);
         check_compression(&opener.file, compression)?;
-        let layout = Layout::of(&mut tags, &opener.file)?;
+        let layout = Layout::of(&mut tags, opener.directories.size(index), &opener.file)?;
         if layout.samples != 1 || !matches!(layout.number, Number::Bits(1 | 8)) {
             return Err(SourceError::refused(
                 &opener.file,
