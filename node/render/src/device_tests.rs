@@ -104,7 +104,7 @@ fn run_words(
     let (sender, receiver) = mpsc::channel();
     read.slice(..)
         .map_async(wgpu::MapMode::Read, move |result| {
-            sender.send(result).unwrap()
+            sender.send(result).unwrap();
         });
     gpu.wait().unwrap();
     receiver.recv().unwrap().unwrap();
