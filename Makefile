@@ -45,8 +45,8 @@ demo: setup data ## flies over the Earth on a wall of four nodes and leaves a pi
 	@echo "What it took:    out/demo/report.json"
 
 picture: demo ## renews the picture in the README
-	mkdir -p docs
-	cp out/demo/wall.png docs/wall.png
+	mkdir -p tests/pictures
+	cp out/demo/wall.png tests/pictures/wall.png
 
 test: ## all tests, with a GPU (a software driver will do) required
 	@.ci/setup test
