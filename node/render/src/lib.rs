@@ -5,6 +5,7 @@
 
 mod canvas;
 mod error;
+mod gather;
 mod gpu;
 mod meshes;
 mod pipelines;
@@ -13,6 +14,7 @@ mod renderer;
 mod scene;
 mod target;
 mod textures;
+mod uniform;
 mod window;
 
 #[cfg(test)]

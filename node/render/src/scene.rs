@@ -143,6 +143,24 @@ impl Layer {
     }
 }
 
+/// A scene with its data opened.
+pub(crate) struct LoadedScene {
+    pub(crate) data: SceneData,
+    pub(crate) elevation: Option<Layer>,
+    pub(crate) imagery: Option<Layer>,
+}
+
+impl LoadedScene {
+    /// What the level of detail asks.
+    pub(crate) fn ranges(&self) -> Ranges<'_> {
+        Ranges {
+            elevation: self.elevation.as_ref(),
+            imagery: self.imagery.as_ref(),
+            refinement: self.data.refinement,
+        }
+    }
+}
+
 /// How deep a planet without elevation is divided for its curvature alone: at this level, with the base
 /// patches on top, a chord is less than a metre off the ellipsoid.
 const BARE_LEVEL: u8 = 6;
