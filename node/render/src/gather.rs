@@ -15,10 +15,11 @@ use tiles::{DatasetId, Lookup, TileCache};
 
 use crate::canvas::Block;
 use crate::gpu::Gpu;
+use crate::layers::LAYER_SIDE;
 use crate::meshes::{MeshDraw, MeshRequest, Meshes};
 use crate::renderer::{FrameStatistics, ViewPoint};
 use crate::scene::{Heights, Layer, LoadedScene};
-use crate::textures::{LAYER_SIDE, RELIEF_BATCH, ReliefJob, SurfaceTextures};
+use crate::textures::{RELIEF_BATCH, ReliefJob, SurfaceTextures};
 
 /// The patches of one block.
 #[derive(Debug, PartialEq)]
@@ -26,6 +27,16 @@ pub(crate) struct BlockDraws {
     pub(crate) output: usize,
     /// Index of the tile's record, and its mesh.
     pub(crate) patches: Vec<(u32, MeshDraw)>,
+}
+
+/// Leaves over the whole planet that one selection may have.
+const MOST_LEAVES: usize = 32_768;
+
+/// What an eye sees: leaves of the planet, those visible in each block, and in any.
+struct Sight {
+    selection: Selection,
+    visible_in: Vec<Vec<Tile>>,
+    visible: Vec<Tile>,
 }
 
 /// What a leaf shows in this frame.
@@ -57,8 +68,11 @@ impl Gather<'_> {
         view: &ViewPoint,
         blocks: &[(usize, usize, Block)],
     ) -> (Vec<BlockDraws>, Vec<TileRecord>) {
-        let ranges = self.scene.ranges();
-        let floor_m = ranges.floor_m();
+        let screens = (0..view.eyes.len())
+            .filter(|screen| blocks.iter().any(|(_, of, _)| of == screen))
+            .count();
+        let room = self.meshes.capacity().min(self.textures.most_tiles());
+        let most_visible = room / screens.max(1);
         let mut records = Vec::new();
         let mut draws: Vec<BlockDraws> = blocks
             .iter()
@@ -74,38 +88,26 @@ impl Gather<'_> {
             if of_screen.is_empty() {
                 continue;
             }
-            let limits = LodLimits {
-                deepest_level: self.scene.data.deepest_level,
-                tile_px: self.scene.data.tile_px,
-                most_tiles: 4 * self.meshes.capacity(),
-            };
-            let lod = LodView {
-                eye: *eye,
-                pixels_per_radian: view.pixels_per_radian,
-            };
-            let selection = terrain::select(&self.scene.data.ellipsoid, &lod, &limits, &ranges);
+            let sight = self.see(
+                *eye,
+                view.pixels_per_radian,
+                &of_screen,
+                blocks,
+                most_visible,
+            );
+            let Sight {
+                selection,
+                visible_in,
+                visible,
+            } = sight;
             self.statistics.selected_tiles += selection.leaves().len() as u32;
             self.statistics.achieved_tile_px = self
                 .statistics
                 .achieved_tile_px
                 .max(selection.achieved_tile_px());
-            let horizon = Horizon::new(&self.scene.data.ellipsoid, floor_m, *eye);
-            let mut visible_in = Vec::with_capacity(of_screen.len());
-            let mut visible: Vec<Tile> = Vec::new();
-            for index in &of_screen {
-                let frustum = Frustum::from_corners(*eye, blocks[*index].2.corner_directions);
-                let tiles = terrain::cull(
-                    &self.scene.data.ellipsoid,
-                    &selection,
-                    &[frustum],
-                    &horizon,
-                    &ranges,
-                );
-                visible.extend_from_slice(&tiles);
-                visible_in.push(tiles);
-            }
-            visible.sort_unstable();
-            visible.dedup();
+            // Beside what is drawn, some of what was: a viewer comes back, and ancestors stand in.
+            let room = visible.len() + visible.len() / 2 + 32;
+            self.textures.reserve(self.gpu, room);
             let surfaces = self.surfaces(*eye, &selection, &visible, &mut records);
             for (index, tiles) in of_screen.iter().zip(visible_in) {
                 for tile in tiles {
@@ -118,6 +120,52 @@ impl Gather<'_> {
             }
         }
         (draws, records)
+    }
+
+    /// Selects for an eye and culls for each block. Where more is visible than the budgets hold, tiles are
+    /// split later, by whole factors of √2, until it fits.
+    fn see(
+        &self,
+        eye: DVec3,
+        pixels_per_radian: f64,
+        of_screen: &[usize],
+        blocks: &[(usize, usize, Block)],
+        most_visible: usize,
+    ) -> Sight {
+        let ellipsoid = &self.scene.data.ellipsoid;
+        let ranges = self.scene.ranges();
+        let horizon = Horizon::new(ellipsoid, ranges.floor_m(), eye);
+        let mut limits = LodLimits {
+            deepest_level: self.scene.data.deepest_level,
+            tile_px: self.scene.data.tile_px,
+            most_tiles: MOST_LEAVES,
+        };
+        loop {
+            let lod = LodView {
+                eye,
+                pixels_per_radian,
+            };
+            let selection = terrain::select(ellipsoid, &lod, &limits, &ranges);
+            let visible_in: Vec<Vec<Tile>> = of_screen
+                .iter()
+                .map(|index| {
+                    let frustum = Frustum::from_corners(eye, blocks[*index].2.corner_directions);
+                    terrain::cull(ellipsoid, &selection, &[frustum], &horizon, &ranges)
+                })
+                .collect();
+            let mut visible: Vec<Tile> = visible_in.iter().flatten().copied().collect();
+            visible.sort_unstable();
+            visible.dedup();
+            // Six roots are the least there can be.
+            if visible.len() <= most_visible || selection.leaves().len() <= Tile::ROOTS.len() {
+                return Sight {
+                    selection,
+                    visible_in,
+                    visible,
+                };
+            }
+            limits.tile_px = selection.achieved_tile_px() * std::f64::consts::SQRT_2;
+        }
     }
 
     /// Finds or makes what each visible leaf needs: its mesh, its imagery layer, its relief layer.

@@ -7,6 +7,7 @@ mod canvas;
 mod error;
 mod gather;
 mod gpu;
+mod layers;
 mod meshes;
 mod pipelines;
 mod pool;

@@ -16,13 +16,15 @@ const VERTEX_BYTES: u64 = Vertex::BYTES as u64;
 #[derive(Debug)]
 pub(crate) struct Meshes {
     patch: Patch,
-    pub(crate) vertices: wgpu::Buffer,
+    vertices: wgpu::Buffer,
     pub(crate) indices: wgpu::Buffer,
     /// First index and count of each of the 16 border variants.
     variants: [(u32, u32); 16],
     slots: HashMap<Tile, Slot>,
     free: Vec<u32>,
     capacity: u32,
+    /// Slots that were ever used: the lowest ones.
+    used_slots: u32,
     vertices_scratch: Vec<Vertex>,
     bytes_scratch: Vec<u8>,
 }
@@ -55,7 +57,7 @@ impl Meshes {
     pub(crate) fn new(gpu: &Gpu, refinement: u8, budget_bytes: u64) -> Result<Self, RenderError> {
         let patch = Patch::new(refinement).map_err(|error| RenderError::Mesh(error.to_string()))?;
         let slot_bytes = patch.positions.len() as u64 * VERTEX_BYTES;
-        let most = (gpu.device.limits().max_buffer_size / slot_bytes).min(16_384);
+        let most = (gpu.device.limits().max_buffer_size / slot_bytes).min(8192);
         let capacity = (budget_bytes / slot_bytes).clamp(64, most.max(64)) as u32;
         let vertices = gpu.device.create_buffer(&wgpu::BufferDescriptor {
             label: Some("patch vertices"),
@@ -90,6 +92,7 @@ impl Meshes {
             slots: HashMap::new(),
             free: (0..capacity).rev().collect(),
             capacity,
+            used_slots: 0,
             vertices_scratch: Vec::new(),
             bytes_scratch: Vec::new(),
         })
@@ -152,6 +155,7 @@ impl Meshes {
             Some(stale) => stale.slot,
             None => self.free.pop().or_else(|| self.evict(frame))?,
         };
+        self.used_slots = self.used_slots.max(slot + 1);
         self.slots.insert(
             request.tile,
             Slot {
@@ -161,6 +165,14 @@ impl Meshes {
             },
         );
         Some(slot)
+    }
+
+    /// The part of the vertex buffer that was ever written. No more is bound, because what is bound must
+    /// be cleared first.
+    pub(crate) fn written(&self) -> wgpu::BufferSlice<'_> {
+        let slot_bytes = self.patch.positions.len() as u64 * VERTEX_BYTES;
+        self.vertices
+            .slice(..u64::from(self.used_slots.max(1)) * slot_bytes)
     }
 
     fn draw(&self, slot: u32, seams: &Seams) -> MeshDraw {

@@ -26,6 +26,8 @@ pub(crate) struct Pipelines {
     frames: wgpu::Buffer,
     frame_stride: u64,
     records: wgpu::Buffer,
+    /// Layers of the arrays that are bound.
+    bound_layers: u32,
     pub(crate) bindings: wgpu::BindGroup,
 }
 
@@ -60,6 +62,7 @@ impl Pipelines {
             frames,
             frame_stride,
             records,
+            bound_layers: textures.arrays.layers,
             bindings,
         })
     }
@@ -74,7 +77,9 @@ impl Pipelines {
     ) {
         let frame_bytes = self.frame_stride * frames.len() as u64;
         let record_bytes = size_of_val(records) as u64;
-        if frame_bytes > self.frames.size() || record_bytes > self.records.size() {
+        let stale = self.bound_layers != textures.arrays.layers;
+        if stale || frame_bytes > self.frames.size() || record_bytes > self.records.size() {
+            self.bound_layers = textures.arrays.layers;
             if frame_bytes > self.frames.size() {
                 self.frames = frame_buffer(gpu, frame_bytes.next_power_of_two());
             }
@@ -185,8 +190,8 @@ fn bind(
     let resources = [
         wgpu::BindingResource::Buffer(frame),
         records.as_entire_binding(),
-        wgpu::BindingResource::TextureView(&textures.imagery_view),
-        wgpu::BindingResource::TextureView(&textures.relief_view),
+        wgpu::BindingResource::TextureView(&textures.arrays.imagery_view),
+        wgpu::BindingResource::TextureView(&textures.arrays.relief_view),
         wgpu::BindingResource::Sampler(sampler),
     ];
     let mut entries = Vec::with_capacity(resources.len());

@@ -30,6 +30,14 @@ impl LayerPool {
         }
     }
 
+    /// Adds layers up to `layers` in all. What is lent stays lent.
+    pub fn grow(&mut self, layers: u32) {
+        let added = (self.capacity..layers).rev();
+        // Old free layers are lent first.
+        self.free.splice(0..0, added);
+        self.capacity = self.capacity.max(layers);
+    }
+
     /// The layer of a tile, which counts as used in this frame.
     pub fn get(&mut self, tile: Tile, frame: u64) -> Option<u32> {
         let slot = self.layers.get_mut(&tile)?;
@@ -107,6 +115,20 @@ mod tests {
         assert!(first != 0 && second != 0 && first != second);
         assert_eq!(pool.lend(tile(3), 3), Some(first));
         assert!(!pool.contains(tile(1)) && pool.contains(tile(2)));
+    }
+
+    #[test]
+    fn a_pool_grows_without_moving_what_is_lent() {
+        let mut pool = LayerPool::new(2);
+        let first = pool.lend(tile(1), 1).unwrap();
+        assert_eq!(pool.lend(tile(2), 1), None);
+        pool.grow(4);
+        let more = [
+            pool.lend(tile(2), 1).unwrap(),
+            pool.lend(tile(3), 1).unwrap(),
+        ];
+        assert!(!more.contains(&first) && more[0] != more[1] && !more.contains(&0));
+        assert_eq!((pool.get(tile(1), 2), pool.capacity()), (Some(first), 3));
     }
 
     #[test]

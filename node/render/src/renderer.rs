@@ -317,7 +317,7 @@ impl Renderer {
                 &[self.pipelines.frame_offset(index)],
             );
             pass.set_pipeline(&self.pipelines.terrain);
-            pass.set_vertex_buffer(0, meshes.vertices.slice(..));
+            pass.set_vertex_buffer(0, meshes.written());
             pass.set_index_buffer(meshes.indices.slice(..), wgpu::IndexFormat::Uint16);
             for (record, mesh) in &draws.patches {
                 let range = mesh.first_index..mesh.first_index + mesh.index_count;

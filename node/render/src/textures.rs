@@ -11,10 +11,9 @@ use wgpu::util::DeviceExt as _;
 
 use crate::error::RenderError;
 use crate::gpu::Gpu;
+use crate::layers::{LAYER_SIDE, LayerArrays};
 use crate::pool::LayerPool;
 
-/// Texels along a side of a layer: a tile's 257 nodes and one border node at each end.
-pub(crate) const LAYER_SIDE: u32 = 259;
 /// Bytes of one layer of either array.
 pub(crate) const LAYER_BYTES: u64 = LAYER_SIDE as u64 * LAYER_SIDE as u64 * 4;
 /// Tiles that one run of the relief stage takes.
@@ -23,14 +22,17 @@ const HEIGHT_WORDS: usize = geodesy::STORED_NODES * geodesy::STORED_NODES;
 /// Colour of ground that no imagery covers, gamma encoded.
 const NEUTRAL: [u8; 4] = [150, 146, 138, 255];
 
+/// Layers of each array to begin with; what a view needs comes on top.
+const FIRST_LAYERS: u32 = 64;
+
 /// The two arrays, and who holds which layer.
 #[derive(Debug)]
 pub(crate) struct SurfaceTextures {
     pub(crate) imagery: LayerPool,
     pub(crate) relief: LayerPool,
-    imagery_texture: wgpu::Texture,
-    pub(crate) imagery_view: wgpu::TextureView,
-    pub(crate) relief_view: wgpu::TextureView,
+    pub(crate) arrays: LayerArrays,
+    /// Layers of each array that the budget allows.
+    most_layers: u32,
     heights: wgpu::Buffer,
     records: wgpu::Buffer,
     pipeline: wgpu::ComputePipeline,
@@ -49,39 +51,8 @@ impl SurfaceTextures {
     /// Arrays that together stay within `budget_bytes`, with at least 32 layers each.
     pub(crate) fn new(gpu: &Gpu, budget_bytes: u64) -> Result<Self, RenderError> {
         let most = u64::from(gpu.device.limits().max_texture_array_layers);
-        let layers = (budget_bytes / (2 * LAYER_BYTES)).clamp(32, most) as u32;
-        let texture = |label, format, usage| {
-            gpu.device.create_texture(&wgpu::TextureDescriptor {
-                label: Some(label),
-                size: wgpu::Extent3d {
-                    width: LAYER_SIDE,
-                    height: LAYER_SIDE,
-                    depth_or_array_layers: layers,
-                },
-                mip_level_count: 1,
-                sample_count: 1,
-                dimension: wgpu::TextureDimension::D2,
-                format,
-                usage: wgpu::TextureUsages::TEXTURE_BINDING | usage,
-                view_formats: &[],
-            })
-        };
-        let imagery = texture(
-            "imagery",
-            wgpu::TextureFormat::Rgba8Unorm,
-            wgpu::TextureUsages::COPY_DST,
-        );
-        let relief = texture(
-            "relief",
-            wgpu::TextureFormat::Rgba8Snorm,
-            wgpu::TextureUsages::STORAGE_BINDING,
-        );
-        let view = |texture: &wgpu::Texture| {
-            texture.create_view(&wgpu::TextureViewDescriptor {
-                dimension: Some(wgpu::TextureViewDimension::D2Array),
-                ..wgpu::TextureViewDescriptor::default()
-            })
-        };
+        let most_layers = (budget_bytes / (2 * LAYER_BYTES)).clamp(32, most) as u32;
+        let arrays = LayerArrays::new(gpu, FIRST_LAYERS.min(most_layers));
         let heights = gpu.device.create_buffer(&wgpu::BufferDescriptor {
             label: Some("heights"),
             size: (RELIEF_BATCH * HEIGHT_WORDS * 4) as u64,
@@ -111,31 +82,12 @@ impl SurfaceTextures {
                 compilation_options: wgpu::PipelineCompilationOptions::default(),
                 cache: None,
             });
-        let relief_view = view(&relief);
-        let bindings = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
-            label: Some("relief"),
-            layout: &pipeline.get_bind_group_layout(0),
-            entries: &[
-                wgpu::BindGroupEntry {
-                    binding: 0,
-                    resource: heights.as_entire_binding(),
-                },
-                wgpu::BindGroupEntry {
-                    binding: 1,
-                    resource: records.as_entire_binding(),
-                },
-                wgpu::BindGroupEntry {
-                    binding: 2,
-                    resource: wgpu::BindingResource::TextureView(&relief_view),
-                },
-            ],
-        });
+        let bindings = bind_relief(gpu, &pipeline, &heights, &records, &arrays);
         let textures = Self {
-            imagery: LayerPool::new(layers),
-            relief: LayerPool::new(layers),
-            imagery_view: view(&imagery),
-            relief_view,
-            imagery_texture: imagery,
+            imagery: LayerPool::new(arrays.layers),
+            relief: LayerPool::new(arrays.layers),
+            arrays,
+            most_layers,
             heights,
             records,
             pipeline,
@@ -145,6 +97,32 @@ impl SurfaceTextures {
         let neutral = NEUTRAL.repeat((LAYER_SIDE * LAYER_SIDE) as usize);
         textures.write_layer(gpu, 0, &neutral);
         Ok(textures)
+    }
+
+    /// Tiles that the budget has room for. Layer 0 holds none.
+    pub(crate) fn most_tiles(&self) -> usize {
+        self.most_layers as usize - 1
+    }
+
+    /// Makes room for `layers` tiles in each array, as far as the budget goes. What is there stays.
+    pub(crate) fn reserve(&mut self, gpu: &Gpu, layers: usize) {
+        let wanted = u32::try_from(layers)
+            .unwrap_or(u32::MAX)
+            .min(self.most_layers);
+        if wanted <= self.arrays.layers {
+            return;
+        }
+        let grown = wanted.next_power_of_two().min(self.most_layers);
+        self.arrays = self.arrays.grown(gpu, grown);
+        self.imagery.grow(grown);
+        self.relief.grow(grown);
+        self.bindings = bind_relief(
+            gpu,
+            &self.pipeline,
+            &self.heights,
+            &self.records,
+            &self.arrays,
+        );
     }
 
     /// Forgets every tile, for a new scene.
@@ -164,7 +142,7 @@ impl SurfaceTextures {
     fn write_layer(&self, gpu: &Gpu, layer: u32, texels: &[u8]) {
         gpu.queue.write_texture(
             wgpu::TexelCopyTextureInfo {
-                texture: &self.imagery_texture,
+                texture: &self.arrays.imagery,
                 mip_level: 0,
                 origin: wgpu::Origin3d {
                     x: 0,
@@ -221,6 +199,29 @@ impl SurfaceTextures {
         }
         gpu.queue.submit([encoder.finish()]);
     }
+}
+
+fn bind_relief(
+    gpu: &Gpu,
+    pipeline: &wgpu::ComputePipeline,
+    heights: &wgpu::Buffer,
+    records: &wgpu::Buffer,
+    arrays: &LayerArrays,
+) -> wgpu::BindGroup {
+    let resources = [
+        heights.as_entire_binding(),
+        records.as_entire_binding(),
+        wgpu::BindingResource::TextureView(&arrays.relief_view),
+    ];
+    let mut entries = Vec::with_capacity(resources.len());
+    for (binding, resource) in (0..).zip(resources) {
+        entries.push(wgpu::BindGroupEntry { binding, resource });
+    }
+    gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
+        label: Some("relief"),
+        layout: &pipeline.get_bind_group_layout(0),
+        entries: &entries,
+    })
 }
 
 /// The relief stage's record of a tile.
