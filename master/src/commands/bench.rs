@@ -106,6 +106,7 @@ fn all(args: &BenchAll) -> Result<(), Failure> {
     let out = &args.out;
     output::line("Swap skew and state latency, node processes on this machine")?;
     let mut reports = Vec::new();
+    // Four nodes share a machine's cores: at the second rate a software driver keeps up on two of them.
     for (nodes, size, fps, name) in [
         (
             8,
@@ -122,7 +123,7 @@ fn all(args: &BenchAll) -> Result<(), Failure> {
                 width: 640,
                 height: 360,
             },
-            30.0,
+            10.0,
             "sync-4x640x360",
         ),
     ] {
