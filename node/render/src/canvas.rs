@@ -149,6 +149,22 @@ impl PlanarScreen {
     }
 }
 
+impl Block {
+    /// True where the body of these semi-axes fills the wanted part for a viewer outside it: the rays
+    /// through all four corners meet it, and it is convex. No sky can show there.
+    #[must_use]
+    pub(crate) fn is_filled_by(&self, semi_axes_m: DVec3, eye: DVec3) -> bool {
+        let viewer = eye / semi_axes_m;
+        let outside = viewer.length_squared() - 1.0;
+        let meets = |direction: &DVec3| {
+            let ray = *direction / semi_axes_m;
+            let towards = -viewer.dot(ray);
+            towards > 0.0 && towards * towards >= ray.length_squared() * outside
+        };
+        outside > 0.0 && self.corner_directions.iter().all(meets)
+    }
+}
+
 /// Where one wanted rectangle of a canvas goes in an output.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ChannelPlan {
@@ -286,6 +302,32 @@ mod tests {
         assert!(
             (x - 300.0).abs() < 1e-2 && (y - 200.0).abs() < 1e-2,
             "{x} {y}"
+        );
+    }
+
+    #[test]
+    fn a_planet_fills_a_block_only_without_a_gap_at_any_corner() {
+        let whole = PixelRect {
+            x: 0,
+            y: 0,
+            width: 2048,
+            height: 2048,
+        };
+        let block = &screen().blocks(whole, DMat3::IDENTITY)[0];
+        let unit = DVec3::splat(1000.0);
+        // The screen is seen along −z.
+        assert!(block.is_filled_by(unit, DVec3::new(0.0, 0.0, 1010.0)));
+        assert!(
+            !block.is_filled_by(unit, DVec3::new(0.0, 0.0, 9000.0)),
+            "too small"
+        );
+        assert!(
+            !block.is_filled_by(unit, DVec3::new(0.0, 0.0, -1010.0)),
+            "behind"
+        );
+        assert!(
+            !block.is_filled_by(unit, DVec3::new(0.0, 0.0, 500.0)),
+            "inside"
         );
     }
 

@@ -243,7 +243,8 @@ impl Renderer {
                 .collect();
             self.pipelines
                 .write(&self.gpu, &self.textures, &frames, &records);
-            self.render(&blocks, &draws)?;
+            let filled = filled_blocks(scene, view, &blocks);
+            self.render(&blocks, &draws, &filled)?;
         }
         statistics.redrawn = !unchanged;
         self.last = Some(LastFrame {
@@ -260,6 +261,7 @@ impl Renderer {
         &mut self,
         blocks: &[(usize, usize, Block)],
         draws: &[BlockDraws],
+        filled: &[bool],
     ) -> Result<(), RenderError> {
         let Some(meshes) = &self.meshes else {
             return Ok(());
@@ -323,8 +325,10 @@ impl Renderer {
                 let range = mesh.first_index..mesh.first_index + mesh.index_count;
                 pass.draw_indexed(range, mesh.base_vertex, *record..*record + 1);
             }
-            pass.set_pipeline(&self.pipelines.atmosphere);
-            pass.draw(0..3, 0..1);
+            if !filled.get(index).copied().unwrap_or_default() {
+                pass.set_pipeline(&self.pipelines.atmosphere);
+                pass.draw(0..3, 0..1);
+            }
             drop(pass);
             if let Some((texture, _)) = &scratch.colour {
                 copy_block(&mut encoder, texture, target, plan, block);
@@ -381,6 +385,26 @@ fn plan_blocks(
         }
     }
     blocks
+}
+
+/// Whether the planet, at its lowest, fills each block.
+fn filled_blocks(
+    scene: &LoadedScene,
+    view: &ViewPoint,
+    blocks: &[(usize, usize, Block)],
+) -> Vec<bool> {
+    let floor_m = scene.ranges().floor_m();
+    let (a, b) = (
+        scene.data.ellipsoid.semi_major_m,
+        scene.data.ellipsoid.semi_minor_m,
+    );
+    let semi_axes_m = DVec3::new(a, a, b) + floor_m;
+    let filled = |(_, screen, block): &(usize, usize, Block)| {
+        view.eyes
+            .get(*screen)
+            .is_some_and(|eye| block.is_filled_by(semi_axes_m, *eye))
+    };
+    blocks.iter().map(filled).collect()
 }
 
 #[derive(Clone, Copy, Debug, Default)]

@@ -76,8 +76,8 @@ fn vertex_main(vertex: VertexIn, @builtin(instance_index) instance: u32) -> Vert
 @fragment
 fn fragment_main(in: VertexOut) -> @location(0) vec4<f32> {
     let ground = textureSampleLevel(imagery_layers, bilinear, in.imagery, in.layers.x, 0.0).rgb;
-    let relief = textureSampleLevel(relief_layers, bilinear, in.relief, in.layers.y, 0.0);
-    let tilt = relief.xy + relief.zw * (1.0 / 127.0);
+    let relief = textureSampleLevel(relief_layers, bilinear, in.relief, in.layers.y, 0.0).xy;
+    let tilt = relief * abs(relief);
     let rise = sqrt(max(1.0 - dot(tilt, tilt), 1e-4));
     let steep = tilt * frame.shading.x;
     let lambert = (dot(steep, in.sun.xy) + rise * in.sun.z) * inverseSqrt(dot(steep, steep) + rise * rise);

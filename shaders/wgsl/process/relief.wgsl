@@ -1,7 +1,8 @@
 // Elevation to relief: per lattice node the surface normal in the node's own tangent frame.
 // In: heights of one tile with border, in quanta. Out: one layer of the relief texture array, one border
-// node kept: x and y of the unit normal, each as a coarse and a fine part of 7 bits. The tangent frame's
-// first axis follows u, its third the ellipsoid's normal. CPU twin: cpu/relief.rs.
+// node kept: x and y of the unit normal, each as the root of its size with its sign, so that gentle slopes
+// keep the finest steps. The tangent frame's first axis follows u, its third the ellipsoid's normal. CPU
+// twin: cpu/relief.rs.
 
 #import shared::cube
 
@@ -40,9 +41,8 @@ fn slope(before: i32, here: i32, after: i32) -> f32 {
     return 0.5 * f32(after - before);
 }
 
-fn split(value: f32) -> vec2<f32> {
-    let coarse = round(value * 127.0) / 127.0;
-    return vec2<f32>(coarse, (value - coarse) * 127.0);
+fn encode(value: f32) -> f32 {
+    return sign(value) * sqrt(abs(value));
 }
 
 @compute @workgroup_size(8, 8, 1)
@@ -70,7 +70,6 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     let rise_u = tile.quantum_m * slope(height(tile.first, i - 1, j), here, height(tile.first, i + 1, j));
     let rise_v = tile.quantum_m * slope(height(tile.first, i, j - 1), here, height(tile.first, i, j + 1));
     let normal = normalize(vec3<f32>(-rise_u * c, rise_u * b - rise_v * a, a * c));
-    let x = split(normal.x);
-    let y = split(normal.y);
-    textureStore(relief_layers, vec2<u32>(id.x, id.y), tile.layer, vec4<f32>(x.x, y.x, x.y, y.y));
+    let texel = vec4<f32>(encode(normal.x), encode(normal.y), 0.0, 0.0);
+    textureStore(relief_layers, vec2<u32>(id.x, id.y), tile.layer, texel);
 }
