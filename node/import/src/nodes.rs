@@ -33,18 +33,19 @@ pub(crate) trait Sample: Copy + Default + PartialEq + Send + Sync + 'static {
     fn of(samples: &Samples) -> Option<&[Self]>;
 }
 
-fn integer_mean(terms: impl Iterator<Item = (i64, i64)>) -> i64 {
+fn integer_mean<T: Copy + Into<i64>>(terms: &[(i64, T)]) -> i64 {
     let (mut sum, mut weights) = (0, 0);
     for (weight, value) in terms {
-        sum += weight * value;
+        sum += weight * (*value).into();
         weights += weight;
     }
     (2 * sum + weights).div_euclid((2 * weights).max(1))
 }
 
-fn integer_blend(terms: impl Iterator<Item = (i64, i64)>, shift: u32) -> i64 {
+fn integer_blend<T: Copy + Into<i64>>(terms: &[(i64, T)], shift: u32) -> i64 {
     let sum: i128 = terms
-        .map(|(weight, value)| i128::from(weight) * i128::from(value))
+        .iter()
+        .map(|(weight, value)| i128::from(*weight) * i128::from((*value).into()))
         .sum();
     ((2 * sum + (1 << shift)) >> (shift + 1)) as i64
 }
@@ -66,19 +67,10 @@ impl Sample for i32 {
         sixteenth(samples.map(i64::from)) as Self
     }
     fn mean(terms: &mut [(i64, Self)], _colour: bool) -> Self {
-        integer_mean(
-            terms
-                .iter()
-                .map(|(weight, value)| (*weight, i64::from(*value))),
-        ) as Self
+        integer_mean(terms) as Self
     }
     fn blend(terms: &mut [(i64, Self)], shift: u32) -> Self {
-        integer_blend(
-            terms
-                .iter()
-                .map(|(weight, value)| (*weight, i64::from(*value))),
-            shift,
-        ) as Self
+        integer_blend(terms, shift) as Self
     }
     fn wrapped(values: Vec<Self>) -> Samples {
         Samples::I32(values)
@@ -97,19 +89,10 @@ impl Sample for u16 {
         (number + 0.5) as Self
     }
     fn mean(terms: &mut [(i64, Self)], _colour: bool) -> Self {
-        integer_mean(
-            terms
-                .iter()
-                .map(|(weight, value)| (*weight, i64::from(*value))),
-        ) as Self
+        integer_mean(terms) as Self
     }
     fn blend(terms: &mut [(i64, Self)], shift: u32) -> Self {
-        integer_blend(
-            terms
-                .iter()
-                .map(|(weight, value)| (*weight, i64::from(*value))),
-            shift,
-        ) as Self
+        integer_blend(terms, shift) as Self
     }
     fn wrapped(values: Vec<Self>) -> Samples {
         Samples::U16(values)
@@ -137,27 +120,19 @@ impl Sample for u8 {
     }
     fn mean(terms: &mut [(i64, Self)], colour: bool) -> Self {
         if !colour {
-            let terms = terms
-                .iter()
-                .map(|(weight, value)| (*weight, i64::from(*value)));
             return integer_mean(terms) as Self;
         }
         let light = &*LIGHT;
         let linear = |value: Self| i64::from(light.of_byte[usize::from(value)]);
-        let mean = integer_mean(
-            terms
-                .iter()
-                .map(|(weight, value)| (*weight, linear(*value))),
-        );
+        let in_light: Vec<(i64, i64)> = terms
+            .iter()
+            .map(|(weight, value)| (*weight, linear(*value)))
+            .collect();
+        let mean = integer_mean(&in_light);
         light.byte_of(mean as u16)
     }
     fn blend(terms: &mut [(i64, Self)], shift: u32) -> Self {
-        integer_blend(
-            terms
-                .iter()
-                .map(|(weight, value)| (*weight, i64::from(*value))),
-            shift,
-        ) as Self
+        integer_blend(terms, shift) as Self
     }
     fn wrapped(values: Vec<Self>) -> Samples {
         Samples::U8(values)

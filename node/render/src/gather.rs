@@ -13,11 +13,10 @@ use shaders::TileRecord;
 use terrain::{Frustum, Lattice, LodLimits, LodView, Selection};
 use tiles::{DatasetId, Lookup, TileCache};
 
-use crate::canvas::Block;
 use crate::gpu::Gpu;
 use crate::layers::LAYER_SIDE;
 use crate::meshes::{MeshDraw, MeshRequest, Meshes};
-use crate::renderer::{FrameStatistics, ViewPoint};
+use crate::renderer::{FrameStatistics, PlannedBlock, ViewPoint};
 use crate::scene::{Heights, Layer, LoadedScene};
 use crate::textures::{RELIEF_BATCH, ReliefJob, SurfaceTextures};
 
@@ -66,24 +65,24 @@ impl Gather<'_> {
     pub(crate) fn run(
         &mut self,
         view: &ViewPoint,
-        blocks: &[(usize, usize, Block)],
+        blocks: &[PlannedBlock],
     ) -> (Vec<BlockDraws>, Vec<TileRecord>) {
         let screens = (0..view.eyes.len())
-            .filter(|screen| blocks.iter().any(|(_, of, _)| of == screen))
+            .filter(|screen| blocks.iter().any(|planned| planned.screen == *screen))
             .count();
         let room = self.meshes.capacity().min(self.textures.most_tiles());
         let most_visible = room / screens.max(1);
         let mut records = Vec::new();
         let mut draws: Vec<BlockDraws> = blocks
             .iter()
-            .map(|(output, ..)| BlockDraws {
-                output: *output,
+            .map(|planned| BlockDraws {
+                output: planned.output,
                 patches: Vec::new(),
             })
             .collect();
         for (screen, eye) in view.eyes.iter().enumerate() {
             let of_screen: Vec<usize> = (0..blocks.len())
-                .filter(|index| blocks[*index].1 == screen)
+                .filter(|index| blocks[*index].screen == screen)
                 .collect();
             if of_screen.is_empty() {
                 continue;
@@ -129,7 +128,7 @@ impl Gather<'_> {
         eye: DVec3,
         pixels_per_radian: f64,
         of_screen: &[usize],
-        blocks: &[(usize, usize, Block)],
+        blocks: &[PlannedBlock],
         most_visible: usize,
     ) -> Sight {
         let ellipsoid = &self.scene.data.ellipsoid;
@@ -149,7 +148,8 @@ impl Gather<'_> {
             let visible_in: Vec<Vec<Tile>> = of_screen
                 .iter()
                 .map(|index| {
-                    let frustum = Frustum::from_corners(eye, blocks[*index].2.corner_directions);
+                    let frustum =
+                        Frustum::from_corners(eye, blocks[*index].block.corner_directions);
                     terrain::cull(ellipsoid, &selection, &[frustum], &horizon, &ranges)
                 })
                 .collect();

@@ -1,11 +1,11 @@
-//! Patch meshes on the GPU: one slot of a vertex buffer per tile that is drawn, rebuilt when its seams or
-//! its data change. In: tiles with seams and lattices. Out: slots to draw. Least recently used slots are
+//! Patch meshes on the GPU: one slot of a vertex buffer per tile and the data levels along its seams,
+//! built when it is first drawn so. In: tiles with seams and lattices. Out: slots to draw. Least recently used slots are
 //! taken again; a slot in use in this frame never is.
 
 use std::collections::HashMap;
 
 use geodesy::{Ellipsoid, Tile};
-use terrain::{Lattice, Patch, Seams, Vertex};
+use terrain::{DataLevels, Lattice, Patch, Seams, Vertex};
 
 use crate::error::RenderError;
 use crate::gpu::Gpu;
@@ -20,7 +20,8 @@ pub(crate) struct Meshes {
     pub(crate) indices: wgpu::Buffer,
     /// First index and count of each of the 16 border variants.
     variants: [(u32, u32); 16],
-    slots: HashMap<Tile, Slot>,
+    /// By all that a mesh's vertices depend on: two eyes may need one tile with different seams at once.
+    slots: HashMap<(Tile, DataLevels), Slot>,
     free: Vec<u32>,
     capacity: u32,
     /// Slots that were ever used: the lowest ones.
@@ -29,10 +30,9 @@ pub(crate) struct Meshes {
     bytes_scratch: Vec<u8>,
 }
 
-#[derive(Clone, Debug)]
+#[derive(Clone, Copy, Debug)]
 struct Slot {
     slot: u32,
-    seams: Seams,
     used: u64,
 }
 
@@ -113,9 +113,8 @@ impl Meshes {
         request: &MeshRequest<'_>,
         frame: u64,
     ) -> Option<(MeshDraw, bool)> {
-        if let Some(known) = self.slots.get_mut(&request.tile)
-            && known.seams == request.seams
-        {
+        let key = (request.tile, request.seams.levels);
+        if let Some(known) = self.slots.get_mut(&key) {
             known.used = frame;
             let slot = known.slot;
             return Some((self.draw(slot, &request.seams), false));
@@ -132,7 +131,7 @@ impl Meshes {
             &mut vertices,
         );
         let slot = match built {
-            Ok(_) => self.slot_for(request, frame),
+            Ok(_) => self.slot_for(key, frame),
             Err(error) => {
                 tracing::warn!(%error, "a mesh waits for its elevation");
                 None
@@ -150,20 +149,10 @@ impl Meshes {
         slot.map(|slot| (self.draw(slot, &request.seams), true))
     }
 
-    fn slot_for(&mut self, request: &MeshRequest<'_>, frame: u64) -> Option<u32> {
-        let slot = match self.slots.get(&request.tile) {
-            Some(stale) => stale.slot,
-            None => self.free.pop().or_else(|| self.evict(frame))?,
-        };
+    fn slot_for(&mut self, key: (Tile, DataLevels), frame: u64) -> Option<u32> {
+        let slot = self.free.pop().or_else(|| self.evict(frame))?;
         self.used_slots = self.used_slots.max(slot + 1);
-        self.slots.insert(
-            request.tile,
-            Slot {
-                slot,
-                seams: request.seams,
-                used: frame,
-            },
-        );
+        self.slots.insert(key, Slot { slot, used: frame });
         Some(slot)
     }
 
@@ -189,8 +178,8 @@ impl Meshes {
             .slots
             .iter()
             .filter(|(_, slot)| slot.used < frame)
-            .min_by_key(|(tile, slot)| (slot.used, **tile))
-            .map(|(tile, _)| *tile)?;
+            .min_by_key(|((tile, _), slot)| (slot.used, *tile))
+            .map(|(key, _)| *key)?;
         self.slots.remove(&oldest).map(|slot| slot.slot)
     }
 }

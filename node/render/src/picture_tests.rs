@@ -288,6 +288,46 @@ fn a_node_with_several_channels_composes_them() {
 }
 
 #[test]
+fn two_eyes_share_tiles_without_sharing_seams() {
+    let Some(planet) = Planet::new() else { return };
+    let [width, height] = CANVAS;
+    let rect = PixelRect {
+        x: 0,
+        y: 0,
+        width,
+        height,
+    };
+    let channel = |screen: usize| ChannelPlan {
+        screen,
+        canvas_px: rect,
+        output_px: [0, screen as u32 * height],
+    };
+    let both = OutputPlan {
+        name: "both".to_owned(),
+        size_px: [width, 2 * height],
+        channels: vec![channel(0), channel(1)],
+    };
+    // The same place from near and far: the same tiles beside neighbours of other levels.
+    let (far, near) = (view(46.0, 46.0, 3e6, -60.0), view(46.0, 46.0, 9e5, -60.0));
+    let pair = ViewPoint {
+        eyes: vec![far.eyes[0], near.eyes[0]],
+        screens: vec![far.screens[0], near.screens[0]],
+        ..far.clone()
+    };
+    let mut together = planet.renderer(&[both], 64 << 20);
+    settle(&mut together, &pair);
+    let made = picture(&together);
+    let mut alone = planet.renderer(&[output(rect)], 64 << 20);
+    for (half, view) in made.rgba.chunks(made.rgba.len() / 2).zip([far, near]) {
+        settle(&mut alone, &view);
+        assert!(
+            half == picture(&alone).rgba.as_slice(),
+            "one eye's picture is not its own"
+        );
+    }
+}
+
+#[test]
 fn what_does_not_change_is_not_drawn_again() {
     let Some(planet) = Planet::new() else { return };
     let whole = PixelRect {

@@ -12,14 +12,14 @@ use glam::{DMat3, DVec3};
 use shaders::{FrameUniform, TileRecord};
 use tiles::TileCache;
 
-use crate::canvas::{Block, OutputPlan, PlanarScreen};
+use crate::canvas::{Block, ChannelPlan, OutputPlan, PlanarScreen};
 use crate::error::RenderError;
 use crate::gather::{BlockDraws, Gather};
 use crate::gpu::Gpu;
 use crate::meshes::Meshes;
 use crate::pipelines::Pipelines;
 use crate::scene::{Layer, LoadedScene, SceneData};
-use crate::target::{BlockTarget, OutputTarget, Picture};
+use crate::target::{BlockLayout, BlockTarget, OutputTarget, Picture};
 use crate::textures::SurfaceTextures;
 use crate::uniform::frame_uniform;
 
@@ -86,6 +86,14 @@ pub struct Renderer {
     last: Option<LastFrame>,
 }
 
+/// A block, and which channel of which output it is drawn for.
+pub(crate) struct PlannedBlock {
+    pub(crate) output: usize,
+    channel: usize,
+    pub(crate) screen: usize,
+    pub(crate) block: Block,
+}
+
 /// What the standing picture was made from.
 #[derive(Debug)]
 struct LastFrame {
@@ -94,6 +102,13 @@ struct LastFrame {
     records: Vec<TileRecord>,
     arrivals: u64,
     statistics: FrameStatistics,
+}
+
+impl LastFrame {
+    /// True where only tiles on their way can change the picture, and none has come.
+    fn waits_for_arrivals(&self, arrivals: u64) -> bool {
+        self.statistics.pending_tiles > 0 && self.arrivals == arrivals
+    }
 }
 
 impl Renderer {
@@ -138,8 +153,9 @@ impl Renderer {
         };
         let elevation = open(&data.elevation, tiles::Kind::Elevation)?;
         let imagery = open(&data.imagery, tiles::Kind::Imagery)?;
-        let same =
-            |old: Option<&Layer>, new: Option<&Layer>| old.map(|l| l.id) == new.map(|l| l.id);
+        let same = |old: Option<&Layer>, new: Option<&Layer>| {
+            old.map(Layer::version) == new.map(Layer::version)
+        };
         let kept = self.scene.as_ref().is_some_and(|old| {
             same(old.elevation.as_ref(), elevation.as_ref())
                 && same(old.imagery.as_ref(), imagery.as_ref())
@@ -186,7 +202,7 @@ impl Renderer {
         if let Some(last) = &self.last
             && !self.relit
             && last.view == *view
-            && (last.statistics.converged || last.arrivals == arrivals)
+            && (last.statistics.converged || last.waits_for_arrivals(arrivals))
             && last.statistics.uploads == 0
         {
             return Ok(FrameStatistics {
@@ -239,7 +255,7 @@ impl Renderer {
         if !unchanged {
             let frames: Vec<FrameUniform> = blocks
                 .iter()
-                .map(|(_, screen, block)| frame_uniform(&scene.data, view, *screen, block))
+                .map(|planned| frame_uniform(&scene.data, view, planned.screen, &planned.block))
                 .collect();
             self.pipelines
                 .write(&self.gpu, &self.textures, &frames, &records);
@@ -259,7 +275,7 @@ impl Renderer {
 
     fn render(
         &mut self,
-        blocks: &[(usize, usize, Block)],
+        blocks: &[PlannedBlock],
         draws: &[BlockDraws],
         filled: &[bool],
     ) -> Result<(), RenderError> {
@@ -271,13 +287,17 @@ impl Renderer {
             .device
             .create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         let layouts = block_layouts(&self.outputs, blocks);
-        for (index, ((output, _, block), draws)) in blocks.iter().zip(draws).enumerate() {
-            let Some((plan, target, scratch)) = self.outputs.get_mut(*output) else {
+        for (index, (planned, draws)) in blocks.iter().zip(draws).enumerate() {
+            let block = &planned.block;
+            let Some((plan, target, scratch)) = self.outputs.get_mut(planned.output) else {
                 continue;
             };
-            let layout = layouts[*output];
-            let scratch = scratch
-                .get_or_insert_with(|| BlockTarget::new(&self.gpu, layout.size, layout.direct));
+            let layout = layouts[planned.output];
+            // A tracked head can lose or find a screen, and with it the blocks of an output.
+            if scratch.as_ref().is_some_and(|block| block.layout != layout) {
+                *scratch = None;
+            }
+            let scratch = scratch.get_or_insert_with(|| BlockTarget::new(&self.gpu, layout));
             let colour = scratch
                 .colour
                 .as_ref()
@@ -330,8 +350,10 @@ impl Renderer {
                 pass.draw(0..3, 0..1);
             }
             drop(pass);
-            if let Some((texture, _)) = &scratch.colour {
-                copy_block(&mut encoder, texture, target, plan, block);
+            if let Some((texture, _)) = &scratch.colour
+                && let Some(channel) = plan.channels.get(planned.channel)
+            {
+                copy_block(&mut encoder, texture, target, channel, block);
             }
         }
         self.gpu.queue.submit([encoder.finish()]);
@@ -365,70 +387,62 @@ impl Renderer {
     }
 }
 
-/// All blocks of all outputs with output and screen index, in a fixed order.
+/// All blocks of all channels of all outputs, in a fixed order.
 fn plan_blocks(
     outputs: &[(OutputPlan, OutputTarget, Option<BlockTarget>)],
     view: &ViewPoint,
-) -> Vec<(usize, usize, Block)> {
+) -> Vec<PlannedBlock> {
     let mut blocks = Vec::new();
     for (output, (plan, _, _)) in outputs.iter().enumerate() {
-        for channel in &plan.channels {
+        for (index, channel) in plan.channels.iter().enumerate() {
             let Some(screen) = view.screens.get(channel.screen) else {
                 continue;
             };
             let of_channel = screen.blocks(channel.canvas_px, view.room);
-            blocks.extend(
-                of_channel
-                    .into_iter()
-                    .map(|block| (output, channel.screen, block)),
-            );
+            blocks.extend(of_channel.into_iter().map(|block| PlannedBlock {
+                output,
+                channel: index,
+                screen: channel.screen,
+                block,
+            }));
         }
     }
     blocks
 }
 
 /// Whether the planet, at its lowest, fills each block.
-fn filled_blocks(
-    scene: &LoadedScene,
-    view: &ViewPoint,
-    blocks: &[(usize, usize, Block)],
-) -> Vec<bool> {
+fn filled_blocks(scene: &LoadedScene, view: &ViewPoint, blocks: &[PlannedBlock]) -> Vec<bool> {
     let floor_m = scene.ranges().floor_m();
     let (a, b) = (
         scene.data.ellipsoid.semi_major_m,
         scene.data.ellipsoid.semi_minor_m,
     );
     let semi_axes_m = DVec3::new(a, a, b) + floor_m;
-    let filled = |(_, screen, block): &(usize, usize, Block)| {
+    let filled = |planned: &PlannedBlock| {
         view.eyes
-            .get(*screen)
-            .is_some_and(|eye| block.is_filled_by(semi_axes_m, *eye))
+            .get(planned.screen)
+            .is_some_and(|eye| planned.block.is_filled_by(semi_axes_m, *eye))
     };
     blocks.iter().map(filled).collect()
-}
-
-#[derive(Clone, Copy, Debug, Default)]
-struct BlockLayout {
-    size: [u32; 2],
-    direct: bool,
 }
 
 /// How large each output's block target must be, and whether it can be drawn to directly.
 fn block_layouts(
     outputs: &[(OutputPlan, OutputTarget, Option<BlockTarget>)],
-    blocks: &[(usize, usize, Block)],
+    blocks: &[PlannedBlock],
 ) -> Vec<BlockLayout> {
     let mut layouts = vec![BlockLayout::default(); outputs.len()];
     let mut counts = vec![0_u32; outputs.len()];
-    for (output, _, block) in blocks {
-        let layout = &mut layouts[*output];
-        let wanted = block.wanted;
+    for planned in blocks {
+        let output = planned.output;
+        let layout = &mut layouts[output];
+        let wanted = planned.block.wanted;
         layout.size[0] = layout.size[0].max(wanted.x + wanted.width);
         layout.size[1] = layout.size[1].max(wanted.y + wanted.height);
-        counts[*output] += 1;
-        layout.direct = counts[*output] == 1
+        counts[output] += 1;
+        layout.direct = counts[output] == 1
             && (wanted.x, wanted.y) == (0, 0)
-            && outputs[*output].0.size_px == [wanted.width, wanted.height];
+            && outputs[output].0.size_px == [wanted.width, wanted.height];
     }
     layouts
 }
@@ -438,17 +452,11 @@ fn copy_block(
     encoder: &mut wgpu::CommandEncoder,
     block_texture: &wgpu::Texture,
     target: &OutputTarget,
-    plan: &OutputPlan,
+    channel: &ChannelPlan,
     block: &Block,
 ) {
     let wanted = block.wanted;
     let on_canvas = (block.area.x + wanted.x, block.area.y + wanted.y);
-    let channel = plan.channels.iter().find(|channel| {
-        let rect = channel.canvas_px;
-        (rect.x..rect.x + rect.width).contains(&on_canvas.0)
-            && (rect.y..rect.y + rect.height).contains(&on_canvas.1)
-    });
-    let Some(channel) = channel else { return };
     let [left, top] = channel.output_px;
     let place = wgpu::Origin3d {
         x: left + on_canvas.0 - channel.canvas_px.x,

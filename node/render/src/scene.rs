@@ -121,6 +121,11 @@ impl Layer {
         Ok(Self { id, seed, data })
     }
 
+    /// Changes when the layer's tiles may have changed: another data set, or another import into it.
+    pub(crate) fn version(&self) -> (DatasetId, u32) {
+        (self.id, self.data.dataset.revision)
+    }
+
     /// A number of a tile of this data set that is the same on every node.
     pub(crate) fn number(&self, tile: Tile) -> u64 {
         self.seed

@@ -16,9 +16,19 @@ pub(crate) struct OutputTarget {
     pub(crate) view: wgpu::TextureView,
 }
 
+/// What the blocks of one output need of their target.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct BlockLayout {
+    /// Pixels that hold every block's wanted part.
+    pub(crate) size: [u32; 2],
+    /// The output is exactly one block's part, and can be drawn to without a copy.
+    pub(crate) direct: bool,
+}
+
 /// Depth, and where needed colour, of the block being drawn for one output.
 #[derive(Debug)]
 pub(crate) struct BlockTarget {
+    pub(crate) layout: BlockLayout,
     /// `None` where the output is exactly one block's part and is drawn to directly.
     pub(crate) colour: Option<(wgpu::Texture, wgpu::TextureView)>,
     pub(crate) depth: wgpu::TextureView,
@@ -137,8 +147,9 @@ impl OutputTarget {
 }
 
 impl BlockTarget {
-    /// A target of `size` pixels, without colour of its own for a `direct` output.
-    pub(crate) fn new(gpu: &Gpu, size: [u32; 2], direct: bool) -> Self {
+    /// A target for a layout, without colour of its own where the output is drawn to directly.
+    pub(crate) fn new(gpu: &Gpu, layout: BlockLayout) -> Self {
+        let BlockLayout { size, direct } = layout;
         let view =
             |texture: &wgpu::Texture| texture.create_view(&wgpu::TextureViewDescriptor::default());
         let colour = (!direct).then(|| {
@@ -154,6 +165,7 @@ impl BlockTarget {
             wgpu::TextureUsages::empty(),
         );
         Self {
+            layout,
             colour,
             depth: view(&depth),
         }
