@@ -108,6 +108,7 @@ impl Ellipsoid {
     /// The point at `height_m` along the unit normal `n`:
     /// p = (a²nx, a²ny, b²nz) / sqrt(a²nx² + a²ny² + b²nz²) + h·n, exact and without trigonometry.
     #[must_use]
+    #[inline]
     pub fn point(&self, n: DVec3, height_m: f64) -> DVec3 {
         let a2 = self.semi_major_m * self.semi_major_m;
         let b2 = self.semi_minor_m * self.semi_minor_m;

@@ -15,6 +15,7 @@ pub struct FixedPoint(pub [i64; 3]);
 impl FixedPoint {
     /// The nearest fixed point to ECEF metres. Saturates beyond 8.7·10^12 m.
     #[must_use]
+    #[inline]
     pub fn from_ecef(position: DVec3) -> Self {
         // Adding 1.5·2^52 leaves no bits for a fraction, so the addition itself rounds, ties to even. A
         // library call would cost more than the rest of a vertex.
@@ -38,6 +39,7 @@ impl FixedPoint {
 
     /// Low and high 32-bit words of x, y, z: (x low, x high, y low, y high, z low, z high).
     #[must_use]
+    #[inline]
     pub fn words(self) -> [u32; 6] {
         let [x, y, z] = self.0.map(|c| c as u64);
         [

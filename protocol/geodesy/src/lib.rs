@@ -5,6 +5,7 @@
 //! integers; only [`frame`] turns f64 into f32 and into fixed point. It knows no file, clock, GPU or peer.
 
 mod bounds;
+mod circle;
 mod cube;
 mod ellipsoid;
 pub mod frame;
@@ -13,6 +14,7 @@ mod lattice;
 mod tile;
 
 pub use bounds::{Ball, TileHull};
+pub use circle::{Circle, CircleError, CirclePolynomial, MAX_CIRCLE_RADIUS_M, Relation};
 pub use cube::{FACES, Face, st_to_uv, uv_to_st};
 pub use ellipsoid::{Ellipsoid, EllipsoidError, Geodetic};
 pub use horizon::Horizon;
