@@ -3,6 +3,7 @@
 //! In: the arguments of the process. Out: [`Args`]. It must not read files or check what needs a file:
 //! commands do.
 
+mod control;
 mod import;
 mod values;
 
@@ -11,6 +12,7 @@ use std::path::PathBuf;
 
 use clap::{Args as ArgumentGroup, Parser, Subcommand};
 
+pub(crate) use control::{Control, Set};
 pub(crate) use import::{ByteOrder, DataKind, Import, Planet, RawType, Registration};
 pub(crate) use values::{Position, Size};
 use values::{frames_per_second, seconds};
@@ -34,6 +36,8 @@ pub(crate) enum Command {
     Up(Up),
     /// Runs the master of a wall whose nodes are started on their hosts
     Master(Master),
+    /// Changes the scene of a running wall, on all nodes at the same frame
+    Set(Set),
     /// Runs one render node: the outputs of one host of the wall
     Node(Node),
     /// Builds or extends a repository of tiles from source rasters
@@ -79,6 +83,9 @@ pub(crate) struct Show {
     /// Print what was measured as JSON on standard output
     #[arg(long)]
     pub(crate) json: bool,
+    /// Who may change the scene while it is shown.
+    #[command(flatten)]
+    pub(crate) control: Control,
 }
 
 /// `terrawall up`
@@ -343,6 +350,12 @@ mod tests {
             ("bench sync --size 96", "WIDTHxHEIGHT"),
             ("up w.toml --scene s.toml --fps 0", "frames per second"),
             ("up w.toml", "--scene"),
+            ("up w.toml --scene s.toml --control 4680", "--control"),
+            (
+                "up w.toml --scene s.toml --no-control --control 127.0.0.1:1",
+                "--no-control",
+            ),
+            ("set", "LAYER.PARAM=VALUE"),
         ] {
             let error =
                 Args::try_parse_from(["terrawall"].into_iter().chain(line.split(' '))).unwrap_err();

@@ -39,6 +39,8 @@ pub(crate) struct Capture {
     first_frame: u64,
     nodes: Vec<NodeState>,
     asked: bool,
+    /// Whether they were asked at any time.
+    begun: bool,
 }
 
 impl Capture {
@@ -52,6 +54,15 @@ impl Capture {
             first_frame,
             nodes,
             asked: false,
+            begun: false,
+        }
+    }
+
+    /// What is shown has changed: only what nodes say of frames from `first_frame` on counts.
+    pub(crate) fn begin_again(&mut self, first_frame: u64) {
+        self.first_frame = first_frame;
+        for state in &mut self.nodes {
+            state.said = None;
         }
     }
 
@@ -80,7 +91,13 @@ impl Capture {
         let converged = |state: &NodeState| matches!(state.said, Some((true, _)));
         let ask = !self.asked && self.nodes.iter().all(converged);
         self.asked |= ask;
+        self.begun |= ask;
         ask
+    }
+
+    /// Whether a node may have sent pictures already: the others' must show the same scene.
+    pub(crate) fn has_begun(&self) -> bool {
+        self.begun
     }
 
     /// Whether pictures are on their way, during which no frames are begun.
@@ -223,6 +240,19 @@ mod tests {
     }
 
     #[test]
+    fn another_scene_is_waited_for_anew() {
+        let wall = Wall::parse(WALL, "test").unwrap();
+        let mut capture = Capture::new(&wall, 10);
+        capture.ready(0, 10, true, 0);
+        capture.begin_again(12);
+        capture.ready(1, 12, true, 0);
+        capture.ready(0, 11, true, 0);
+        assert!(!capture.ask_now(), "frame 11 showed the scene before");
+        capture.ready(0, 12, true, 0);
+        assert!(capture.ask_now());
+    }
+
+    #[test]
     fn a_node_lost_before_its_pictures_came_is_waited_for_again() {
         let wall = Wall::parse(WALL, "test").unwrap();
         let mut capture = Capture::new(&wall, 1);
@@ -234,6 +264,7 @@ mod tests {
         assert!(capture.is_asked(), "what it sent is still good");
         capture.lost(1);
         assert!(!capture.is_asked(), "frames go on for its successor");
+        assert!(capture.has_begun(), "but what they show is settled");
         capture.ready(1, 5, true, 0);
         assert!(capture.ask_now());
     }

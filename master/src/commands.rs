@@ -5,6 +5,7 @@ mod bench_frame;
 mod bench_import;
 mod bench_starts;
 mod check;
+mod control;
 mod files;
 mod identity;
 mod import;
@@ -13,6 +14,7 @@ mod local;
 mod node;
 mod notices;
 mod pictures;
+mod set;
 mod show;
 mod synthetic;
 mod verify;
@@ -25,6 +27,7 @@ pub(crate) fn run(command: Command) -> Result<(), Failure> {
     match command {
         Command::Up(args) => show::up(&args),
         Command::Master(args) => show::master(&args),
+        Command::Set(args) => set::run(&args),
         Command::Node(args) => node::run(args),
         Command::Import(args) => import::run(args),
         Command::Check(args) => check::run(&args),

@@ -1,15 +1,21 @@
 //! Decides what each frame shows: the scene's camera over time, or the operator who has taken it over.
-//! In: a scene, the moment of a frame, steering. Out: views, and the encoded scene. It sends nothing.
+//! In: scenes by revision, the moment of a frame, steering. Out: views, and the encoded scenes. When a revision
+//! is due, `protocol::change` decides; this file keeps those that are alive. It sends nothing.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use protocol::barrier::Action;
 use protocol::camera::Navigator;
-use protocol::codec::{EncodeError, encode_to_node, encode_view};
+use protocol::codec::{EncodeError, encode_view};
 use protocol::message::{Steer, Swap};
-use protocol::{Pose, Scene, ToNode, View, Wall};
+use protocol::{Pose, Scene, View, Wall};
 
+use crate::change::Revision;
 use crate::session::Bytes;
+
+/// The revision of the scene that a run starts with.
+pub(crate) const FIRST_REVISION: u64 = 1;
 
 /// How the camera's time runs.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -25,14 +31,17 @@ pub(crate) enum CameraTime {
     Held,
 }
 
-/// What is shown.
+/// What is shown, and what is to be shown.
 pub(crate) struct Director {
-    scene: Scene,
-    revision: u64,
-    encoded_scene: Bytes,
+    shown: u64,
+    showing: Arc<Revision>,
+    /// Revisions that are prepared or queued.
+    coming: BTreeMap<u64, Arc<Revision>>,
     heads_m: Vec<[f64; 3]>,
     pose: Pose,
     navigator: Option<Navigator>,
+    /// Seconds that had passed when the shown camera began; none until its first frame.
+    camera_began_s: Option<f64>,
 }
 
 /// A frame as the barrier asks for it.
@@ -65,37 +74,65 @@ impl FrameRequest {
 }
 
 impl Director {
-    /// Starts with a scene, as revision 1.
+    /// Starts with a scene, as revision [`FIRST_REVISION`].
     pub(crate) fn new(wall: &Wall, scene: Scene) -> Result<Self, EncodeError> {
-        let pose = scene.camera.pose(&scene.planet, 0.0);
         Ok(Self {
-            revision: 1,
-            encoded_scene: encode_scene(1, &scene)?,
+            shown: FIRST_REVISION,
+            pose: scene.camera.pose(&scene.planet, 0.0),
+            showing: Arc::new(Revision::new(FIRST_REVISION, scene)?),
+            coming: BTreeMap::new(),
             heads_m: wall.heads_m(),
-            pose,
             navigator: None,
-            scene,
+            camera_began_s: Some(0.0),
         })
     }
 
-    /// Shows another scene from the next frame on. The camera is the new scene's.
-    pub(crate) fn set_scene(&mut self, scene: Scene) -> Result<(), EncodeError> {
-        self.encoded_scene = encode_scene(self.revision + 1, &scene)?;
-        self.revision += 1;
-        self.pose = scene.camera.pose(&scene.planet, 0.0);
-        self.navigator = None;
-        self.scene = scene;
-        Ok(())
+    /// Keeps a revision that is to be shown later.
+    pub(crate) fn expect(&mut self, number: u64, revision: Arc<Revision>) {
+        self.coming.insert(number, revision);
     }
 
-    /// The scene as nodes are sent it.
+    /// Forgets a revision that will not be shown.
+    pub(crate) fn forget(&mut self, number: u64) {
+        self.coming.remove(&number);
+    }
+
+    /// Shows an expected revision from the next frame on. The camera begins anew where it is another one, or on
+    /// another planet; otherwise it goes on, even under the operator's hand.
+    pub(crate) fn show(&mut self, number: u64) {
+        let Some(revision) = self.coming.remove(&number) else {
+            return;
+        };
+        self.coming.retain(|coming, _| *coming > number);
+        let (new, old) = (&revision.scene, &self.showing.scene);
+        if new.camera != old.camera || new.planet != old.planet {
+            self.pose = new.camera.pose(&new.planet, 0.0);
+            self.navigator = None;
+            self.camera_began_s = None;
+        }
+        self.shown = number;
+        self.showing = revision;
+    }
+
+    /// The number of the revision that views bear.
+    #[cfg(test)]
+    pub(crate) fn shown(&self) -> u64 {
+        self.shown
+    }
+
+    /// A revision that is shown, or is to be: the shown one where `number` is neither.
+    pub(crate) fn revision(&self, number: u64) -> &Arc<Revision> {
+        self.coming.get(&number).unwrap_or(&self.showing)
+    }
+
+    /// The shown scene as nodes are sent it.
     pub(crate) fn encoded_scene(&self) -> &Bytes {
-        &self.encoded_scene
+        &self.showing.encoded
     }
 
     /// The operator takes the camera over, where it is.
     pub(crate) fn steer(&mut self, steer: &Steer, now_us: i64) {
-        let (planet, pose) = (self.scene.planet, &self.pose);
+        let (planet, pose) = (self.showing.scene.planet, &self.pose);
         self.navigator
             .get_or_insert_with(|| Navigator::new(planet, pose))
             .steer(steer, now_us);
@@ -112,7 +149,7 @@ impl Director {
         let view = View {
             epoch: request.epoch,
             frame: request.frame,
-            scene_revision: self.revision,
+            scene_revision: self.shown,
             sent_us: now_us,
             pose: self.pose,
             heads_m: self.heads_m.clone(),
@@ -134,17 +171,13 @@ impl Director {
                 navigator.advance(presented_us, 0.0);
                 navigator.pose()
             }
-            None => self.scene.camera.pose(&self.scene.planet, time_s.max(0.0)),
+            None => {
+                let began_s = *self.camera_began_s.get_or_insert(time_s);
+                let Scene { camera, planet, .. } = &self.showing.scene;
+                camera.pose(planet, (time_s - began_s).max(0.0))
+            }
         }
     }
-}
-
-fn encode_scene(revision: u64, scene: &Scene) -> Result<Bytes, EncodeError> {
-    let message = ToNode::Scene {
-        revision,
-        scene: Box::new(scene.clone()),
-    };
-    Ok(Arc::from(encode_to_node(&message)?))
 }
 
 #[cfg(test)]
@@ -155,12 +188,13 @@ mod tests {
         reason = "a test that panics has failed"
     )]
 
+    use protocol::ToNode;
     use protocol::codec::{decode_to_node, decode_view};
     use protocol::message::HeldKeys;
 
     use super::*;
 
-    const SCENE: &str = "layers = []\n[camera]\nmode = \"orbit\"\n\
+    const SCENE: &str = "layers = {}\n[camera]\nmode = \"orbit\"\n\
         place = { latitude_deg = 20.0, longitude_deg = 10.0, altitude_m = 12e6, pitch_deg = -90.0 }\n\
         centre = { latitude_deg = 90.0, longitude_deg = 0.0 }\ndegrees_per_second = 10.0\n";
 
@@ -259,18 +293,74 @@ mod tests {
         assert!(moved(&after, &later) > 1.0);
     }
 
+    fn expect(director: &mut Director, number: u64, text: &str) {
+        let scene = Scene::parse(text, "test").unwrap();
+        director.expect(number, Arc::new(Revision::new(number, scene).unwrap()));
+    }
+
     #[test]
-    fn another_scene_is_another_revision() {
+    fn a_new_camera_begins_when_its_revision_is_shown() {
         let mut director = director();
         director.steer(&Steer::default(), 0);
-        let scene = Scene::parse(
-            &SCENE.replace("longitude_deg = 10.0", "longitude_deg = 50.0"),
-            "test",
-        );
-        director.set_scene(scene.unwrap()).unwrap();
+        let elsewhere = SCENE.replace("longitude_deg = 10.0", "longitude_deg = 50.0");
+        expect(&mut director, 2, &elsewhere);
+        let clock = CameraTime::Clock { start_us: 0 };
+        assert_eq!(view(&mut director, 5, clock).scene_revision, 1);
+        director.show(2);
         let sent = decode_to_node(director.encoded_scene()).unwrap();
         assert!(matches!(sent, ToNode::Scene { revision: 2, .. }));
-        let first = view(&mut director, 5, CameraTime::Waiting);
+        let first = view(&mut director, 6, clock);
+        let scene = Scene::parse(&elsewhere, "test").unwrap();
         assert_eq!(first.scene_revision, 2);
+        assert_eq!(
+            first.pose,
+            scene.camera.pose(&scene.planet, 0.0),
+            "not in its midst"
+        );
+        let later = view(&mut director, 26, clock);
+        let expected = scene.camera.pose(&scene.planet, 1.0).position_m;
+        let apart = |axis: usize| (later.pose.position_m[axis] - expected[axis]).abs();
+        assert!((0..3).all(|axis| apart(axis) < 1e-3), "a second later");
+    }
+
+    #[test]
+    fn the_same_camera_goes_on_through_other_scenes() {
+        let (mut director, mut undisturbed) = (director(), director());
+        let clock = CameraTime::Clock { start_us: 0 };
+        view(&mut director, 5, clock);
+        expect(
+            &mut director,
+            2,
+            &format!("{SCENE}\n[light]\nambient = 0.5\n"),
+        );
+        director.show(2);
+        let (changed, plain) = (
+            view(&mut director, 6, clock),
+            view(&mut undisturbed, 6, clock),
+        );
+        assert_eq!((changed.scene_revision, changed.pose), (2, plain.pose));
+        director.steer(&Steer::default(), 1_300_000);
+        let held = view(&mut director, 7, clock).pose;
+        expect(&mut director, 3, SCENE);
+        director.show(3);
+        let after = view(&mut director, 40, clock);
+        let moved = after.pose.position_m[0] - held.position_m[0];
+        assert!(moved.abs() < 1e-3, "the operator still holds the camera");
+    }
+
+    #[test]
+    fn only_revisions_that_are_alive_are_kept() {
+        let mut director = director();
+        for number in 2..=5 {
+            expect(&mut director, number, SCENE);
+        }
+        director.forget(3);
+        director.show(3);
+        assert_eq!(director.shown(), 1, "a forgotten revision is never shown");
+        director.show(4);
+        assert_eq!(director.shown(), 4);
+        assert_eq!(director.coming.keys().collect::<Vec<_>>(), [&5]);
+        let encoded = |number| &director.revision(number).encoded;
+        assert!(Arc::ptr_eq(encoded(2), encoded(4)) && !Arc::ptr_eq(encoded(5), encoded(4)));
     }
 }

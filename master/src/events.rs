@@ -1,4 +1,5 @@
-//! What the network tells the frame loop. In: events from tasks of connections. Out: one bounded queue.
+//! What the network and the control API tell and ask the frame loop.
+//! In: events from tasks of connections and of requests. Out: one bounded queue. Nothing here waits.
 
 use std::net::SocketAddr;
 use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
@@ -6,7 +7,9 @@ use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
 use protocol::ToMaster;
 use protocol::capture::CapturedPicture;
 use protocol::message::Hello;
+use tokio::sync::oneshot;
 
+use crate::change::{Declined, Proposal, Snapshot};
 use crate::session::NodeLink;
 
 /// Number of a connection, never used again within a run.
@@ -40,7 +43,14 @@ pub(crate) enum Event {
     Gone { id: ConnectionId, reason: String },
     /// Somebody did not get as far as a hello.
     Stranger { address: SocketAddr, reason: String },
-    /// Show another scene.
+    /// Somebody asks how the scene stands.
+    LookAtScene { reply: oneshot::Sender<Snapshot> },
+    /// Somebody has made a change. The answer is the revision's number.
+    Propose {
+        proposal: Proposal,
+        reply: oneshot::Sender<Result<u64, Declined>>,
+    },
+    /// Show another scene, whatever the present one is.
     SetScene(Box<protocol::Scene>),
     /// The operator wants the run to end.
     Stop,

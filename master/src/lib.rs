@@ -1,16 +1,23 @@
-//! The master's own logic: sessions with nodes, the frame loop, captures, and the node processes of this machine.
+//! The master's own logic: sessions with nodes, the frame loop, the control API, captures, and the node processes of
+//! this machine.
 //!
-//! In: a wall, a scene, a cluster identity. Out: views and swaps to the nodes, a report, pictures.
+//! In: a wall, a scene, a cluster identity, changes of the scene. Out: views and swaps to the nodes, a report, pictures.
 //! It must not draw or read data: the `terrawall` command alone brings the node and the importer in.
 
 mod capture;
+mod change;
+mod control;
 mod director;
 mod events;
 mod frame_loop;
 pub mod launch;
+mod lens;
 mod master;
+mod notice;
 mod server;
 mod session;
 
 pub use capture::CapturedOutput;
-pub use master::{Master, MasterError, MasterOptions, MasterOutcome, Notice, StartError};
+pub use control::{ControlError, ControlOptions, DEFAULT_CONTROL_ADDRESS};
+pub use master::{Master, MasterError, MasterOptions, MasterOutcome, StartError};
+pub use notice::Notice;

@@ -1,10 +1,11 @@
 //! The master as a library: start it, hear what happens, stop it, and take what it has measured.
-//! In: a wall, a scene, an identity. Out: notices while it runs, then a report and pictures. Two threads work
-//! behind it: the network's, and the frame loop's, which never waits for any node.
+//! In: a wall, a scene, an identity. Out: notices while it runs, then a report and pictures. Behind it work the
+//! network's thread, the control API's, and the frame loop's, which never waits for anybody.
 
 use std::net::SocketAddr;
+use std::path::PathBuf;
 use std::sync::Arc;
-use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
+use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
@@ -14,14 +15,13 @@ use protocol::{Scene, Wall};
 use tokio::sync::oneshot;
 
 use crate::capture::CapturedOutput;
+use crate::control::{Control, ControlContext, ControlError, ControlOptions};
 use crate::director::Director;
 use crate::events::{self, Event, EventSender};
 use crate::frame_loop::FrameLoop;
+use crate::notice::{self, Notice};
 use crate::server;
 use crate::session::Context;
-
-/// Notices that may wait for somebody to read them; more are dropped.
-const LONGEST_NOTICE_QUEUE: usize = 4_096;
 
 /// What to run.
 pub struct MasterOptions {
@@ -46,11 +46,18 @@ pub struct MasterOptions {
     pub start_timeout: Option<Duration>,
     /// Give up if the pictures are not complete this long after the last frame.
     pub capture_timeout: Duration,
+    /// Where the scene can be read and changed while it is shown; `None`: nowhere.
+    pub control: Option<ControlOptions>,
+    /// Whether the control API takes a free port where the asked one is taken.
+    pub any_control_port: bool,
+    /// Where relative repositories of layers are taken from that the control API adds, usually the directory
+    /// of the scene file; `None`: they must be absolute.
+    pub scene_directory: Option<PathBuf>,
 }
 
 impl MasterOptions {
     /// The usual options: the whole wall within a minute, frames without end, no capture, captures
-    /// within a minute.
+    /// within a minute, no control API.
     #[must_use]
     pub fn new(wall: Wall, scene: Scene, identity: Identity, bind: SocketAddr) -> Self {
         Self {
@@ -64,83 +71,11 @@ impl MasterOptions {
             start_after: None,
             start_timeout: Some(Duration::from_secs(60)),
             capture_timeout: Duration::from_secs(60),
+            control: None,
+            any_control_port: false,
+            scene_directory: None,
         }
     }
-}
-
-/// Something an operator wants to know while the wall runs.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Notice {
-    /// A node was welcomed. It draws, and is waited for once it has caught up.
-    Joined {
-        /// The node.
-        node: String,
-        /// Its graphics adapter.
-        adapter: String,
-        /// Where it is.
-        address: SocketAddr,
-    },
-    /// A node keeps step from now on.
-    Entered {
-        /// The node.
-        node: String,
-    },
-    /// A node keeps step no longer.
-    Left {
-        /// The node.
-        node: String,
-        /// Why.
-        reason: String,
-    },
-    /// A node's connection is over.
-    Disconnected {
-        /// The node.
-        node: String,
-        /// Why.
-        reason: String,
-    },
-    /// A member of the cluster was not let in.
-    Refused {
-        /// The name it gave.
-        node: String,
-        /// Where it is.
-        address: SocketAddr,
-        /// Why, as it was told.
-        reason: String,
-    },
-    /// Somebody could not prove membership, or did not introduce itself.
-    Stranger {
-        /// Where it is.
-        address: SocketAddr,
-        /// What went wrong.
-        reason: String,
-    },
-    /// Something went wrong on a node, which goes on.
-    Fault {
-        /// The node.
-        node: String,
-        /// Its words.
-        message: String,
-    },
-    /// The wall is complete, or the time to wait for it is over: frames count from now on.
-    Started {
-        /// Nodes in step.
-        nodes: usize,
-        /// Hosts of the wall.
-        hosts: usize,
-    },
-    /// About four times a second while frames count.
-    Progress {
-        /// Frames so far.
-        frame: u64,
-        /// All frames, if their number was given.
-        frames: Option<u64>,
-    },
-    /// The camera holds still; about once a second until the pictures are there.
-    Settling {
-        /// Whom it waits for and why.
-        waits_for: Vec<String>,
-    },
 }
 
 /// What a run has given.
@@ -163,6 +98,9 @@ pub enum StartError {
     /// The wall or the scene is too large to be sent.
     #[error(transparent)]
     Encode(#[from] protocol::codec::EncodeError),
+    /// The control API cannot be opened.
+    #[error(transparent)]
+    Control(#[from] ControlError),
     /// A thread or a socket could not be had.
     #[error("cannot start the master: {0}")]
     System(#[from] std::io::Error),
@@ -210,6 +148,7 @@ pub struct Master {
     address: SocketAddr,
     events: EventSender,
     notices: Receiver<Notice>,
+    control: Option<Control>,
     frame_loop: Option<JoinHandle<Result<MasterOutcome, MasterError>>>,
     network: Option<JoinHandle<()>>,
     close_network: Option<oneshot::Sender<()>>,
@@ -242,7 +181,16 @@ impl Master {
         };
         let address = server.local_address()?;
         let (events, queue) = events::queue();
-        let (notices, notices_out) = sync_channel(LONGEST_NOTICE_QUEUE);
+        let context = ControlContext {
+            any_port: options.any_control_port,
+            scene_directory: options.scene_directory,
+            events: events.clone(),
+        };
+        let control = options
+            .control
+            .map(|control| Control::open(control, context))
+            .transpose()?;
+        let (notices, notices_out) = notice::queue();
         let session = new_session();
         let plan = Plan {
             frames: options.frames,
@@ -251,7 +199,6 @@ impl Master {
             start_timeout: options.start_timeout,
             capture_timeout: options.capture_timeout,
         };
-        let notices = NoticeSender(notices);
         let frame_loop = FrameLoop::new(Arc::clone(&wall), director, session, plan, notices)?;
         let frame_loop = std::thread::Builder::new()
             .name("frame loop".to_owned())
@@ -279,6 +226,7 @@ impl Master {
             address,
             events,
             notices: notices_out,
+            control,
             frame_loop: Some(frame_loop),
             network: Some(network),
             close_network: Some(close_network),
@@ -289,6 +237,12 @@ impl Master {
     #[must_use]
     pub fn address(&self) -> SocketAddr {
         self.address
+    }
+
+    /// Where the control API listens, if it was asked for.
+    #[must_use]
+    pub fn control_address(&self) -> Option<SocketAddr> {
+        self.control.as_ref().map(Control::address)
     }
 
     /// The next notice, waited for at most this long. `None` also after the end of the run.
@@ -310,7 +264,8 @@ impl Master {
         self.frame_loop.as_ref().is_none_or(JoinHandle::is_finished)
     }
 
-    /// Shows another scene from the next frame on, with its own camera.
+    /// Shows another scene, which must be valid, as soon as every node has prepared it. Its camera begins then, if
+    /// it is another one. After the last frame nothing happens.
     pub fn set_scene(&self, scene: Scene) {
         self.events.send(Event::SetScene(Box::new(scene)));
     }
@@ -334,6 +289,8 @@ impl Master {
     }
 
     fn close(&mut self) {
+        // Requests that wait for the frame loop have their answer, or hear that it is gone.
+        self.control = None;
         if let Some(close) = self.close_network.take() {
             let _already_closed = close.send(());
         }
@@ -361,16 +318,6 @@ pub(crate) struct Plan {
     pub(crate) start_after: Option<Duration>,
     pub(crate) start_timeout: Option<Duration>,
     pub(crate) capture_timeout: Duration,
-}
-
-/// The frame loop's end of the notices.
-pub(crate) struct NoticeSender(SyncSender<Notice>);
-
-impl NoticeSender {
-    /// Tells the operator, or nobody if nobody reads.
-    pub(crate) fn send(&self, notice: Notice) {
-        let _unread = self.0.try_send(notice);
-    }
 }
 
 /// A number that no other run of a master has had: nodes give it back in their hello.

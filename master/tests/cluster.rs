@@ -9,6 +9,9 @@
     reason = "a test that panics has failed"
 )]
 
+#[path = "cluster/changes.rs"]
+mod changes;
+mod http;
 mod support;
 
 use std::sync::{Mutex, MutexGuard, PoisonError};

@@ -1,31 +1,27 @@
 //! The frame loop of a node: newest view → draw → ready → swap → present → report.
 //! In: the mailbox, a maker of pictures. Out: pictures, and what is said about them. It is a machine that is
 //! driven step by step, by a plain loop or by a window system, and does one thing at a time. The order of
-//! things is decided by [`protocol::follower`]; here they are done.
+//! frames is decided by [`protocol::follower`] and that of scenes by [`crate::scenes`]; here things are done.
+
+mod frames;
 
 use std::collections::VecDeque;
 use std::sync::Arc;
 
 use protocol::follower::{Follower, Step};
-use protocol::message::{MAX_NEW_TILES, Presented, Steer, Swap};
+use protocol::message::{MAX_NEW_TILES, MoveLens, Steer, Swap};
 use protocol::{Scene, ToMaster, View, Wall};
 use winit::window::Window;
 
 use crate::mail::{Arrived, End, Inbox, Mail, Outgoing};
-use crate::picture::{Drawn, Picture, PictureError, PictureMaker, PictureRequest};
+use crate::picture::{Picture, PictureError, PictureMaker, PictureRequest};
+use crate::presentation::{Arrivals, Waiting};
 use crate::priority::Priority;
+use crate::scenes::Scenes;
 use crate::{NodeError, NodeOutcome};
 
-/// Up to here before its moment a presentation is waited for in the driver, which also takes mail; then
-/// the thread sleeps for the presentation alone.
-const LAST_SLEEP_US: i64 = 6_000;
-/// After a presentation the next drawing waits this long, so that every other node of this host, waiting
-/// for a processor, can present as well. Without it the first to present keeps the others from it.
-const PRESENT_PAUSE_US: i64 = 400;
 /// How often the caches' counters are told.
 const COUNTERS_INTERVAL_US: i64 = 500_000;
-/// Arrivals of swaps that are remembered.
-const REMEMBERED_SWAPS: usize = 4;
 
 /// What the driver has to do before it calls [`FrameLoop::step`] again.
 pub(crate) enum Next {
@@ -47,33 +43,18 @@ pub(crate) enum Next {
     Finished(Result<NodeOutcome, NodeError>),
 }
 
-/// A frame that is drawn and has not been presented.
-struct Waiting {
-    view_sent_us: i64,
-    view_latency_us: i64,
-    draw_us: i64,
-    drawn: Drawn,
-}
-
 /// The frame loop's state.
 pub(crate) struct FrameLoop {
     mail: Arc<Mail>,
     maker: Box<dyn PictureMaker>,
     wall: Option<(Arc<Wall>, usize)>,
     picture: Option<Box<dyn Picture>>,
-    /// The scene that the picture has, or the one that it could not take.
-    scene_revision: Option<u64>,
-    scene_works: bool,
-    /// A scene that waits for the picture to be made.
-    next_scene: Option<(u64, Box<Scene>)>,
+    scenes: Scenes<Box<Scene>>,
     /// A view that waits for its scene.
     early_view: Option<Arrived<View>>,
     follower: Follower,
     steps: VecDeque<Step>,
-    /// Latency of the view that is being drawn, by frame.
-    view_latency_us: (u64, i64),
-    /// When swaps arrived, on the master's clock, by frame.
-    swaps_us: VecDeque<(u64, i64)>,
+    arrivals: Arrivals,
     waiting: Option<Waiting>,
     presenting: Option<Swap>,
     priority: Priority,
@@ -91,14 +72,11 @@ impl FrameLoop {
             maker,
             wall: None,
             picture: None,
-            scene_revision: None,
-            scene_works: false,
-            next_scene: None,
+            scenes: Scenes::new(),
             early_view: None,
             follower: Follower::new(60.0),
             steps: VecDeque::new(),
-            view_latency_us: (0, 0),
-            swaps_us: VecDeque::new(),
+            arrivals: Arrivals::default(),
             waiting: None,
             presenting: None,
             priority: Priority::of_this_thread(),
@@ -120,8 +98,16 @@ impl FrameLoop {
         if let Some(swap) = self.presenting {
             return self.present(swap);
         }
+        // A scene takes its time: a picture that waits for its moment goes first, unless a view needs the scene.
+        let may_prepare = self.waiting.is_none() || self.early_view.is_some();
+        if self.steps.is_empty() && may_prepare && self.prepare_scene() {
+            return Next::Again;
+        }
         match self.steps.pop_front() {
-            Some(Step::Draw(view)) => self.draw(&view),
+            Some(Step::Draw(view)) => {
+                self.prepare_scene();
+                self.draw(&view);
+            }
             Some(Step::SayReady { epoch, frame }) => self.say_ready(epoch, frame),
             Some(Step::Present(swap)) => self.presenting = Some(swap),
             None => {
@@ -149,10 +135,7 @@ impl FrameLoop {
             host,
             windows,
         }) {
-            Ok(picture) => {
-                self.picture = Some(picture);
-                self.take_scene();
-            }
+            Ok(picture) => self.picture = Some(picture),
             Err(error) => self.fail(error.into()),
         }
     }
@@ -161,6 +144,17 @@ impl FrameLoop {
     pub(crate) fn steer(&self, steer: Steer) {
         self.mail
             .send(Outgoing::Message(ToMaster::Steer(steer)), true);
+    }
+
+    /// The ground under a pixel of one of this host's outputs: latitude and longitude in degrees.
+    pub(crate) fn ground_under(&self, output: usize, pixel: [f64; 2]) -> Option<[f64; 2]> {
+        self.picture.as_ref()?.ground_under(output, pixel)
+    }
+
+    /// Passes the place of a dragged lens on to the master.
+    pub(crate) fn move_lens(&self, moved: MoveLens) {
+        self.mail
+            .send(Outgoing::Message(ToMaster::MoveLens(moved)), true);
     }
 
     /// Shows the last picture once more: the window system has lost it.
@@ -214,7 +208,7 @@ impl FrameLoop {
         if inbox.leave {
             self.leave("the run is over");
         }
-        if inbox.welcome.is_some() || inbox.scene.is_some() || inbox.capture.is_some() {
+        if inbox.welcome.is_some() || inbox.capture.is_some() {
             // These take their time.
             self.priority.lower();
         }
@@ -222,14 +216,9 @@ impl FrameLoop {
         if let Some((wall, host)) = inbox.welcome {
             next = self.welcome(wall, host);
         }
-        if let Some(scene) = inbox.scene {
-            self.next_scene = Some(scene);
-            self.take_scene();
-        }
+        self.scenes.arrived(inbox.scenes);
         for Arrived { content, at_us } in inbox.swaps {
-            self.remember_swap(content.frame, at_us);
-            let now_us = self.master_now_us();
-            self.steps.extend(self.follower.swap(content, now_us));
+            self.swap(content, at_us);
         }
         if let Some(view) = inbox.view {
             self.view(view);
@@ -245,11 +234,12 @@ impl FrameLoop {
         let fps = self.wall.as_ref().map_or(60.0, |(wall, _)| wall.fps);
         self.follower = Follower::new(fps);
         self.steps.clear();
-        self.swaps_us.clear();
+        self.arrivals = Arrivals::default();
         self.waiting = None;
         self.presenting = None;
         self.early_view = None;
-        self.next_scene = None;
+        // Revisions are numbers of one run of one master.
+        self.scenes = Scenes::new();
         self.counters_due_us = i64::MAX;
         self.priority.lower();
     }
@@ -261,170 +251,12 @@ impl FrameLoop {
             .is_some_and(|(known, at)| **known == *wall && *at == host);
         self.wall = Some((Arc::clone(&wall), host));
         self.forget_master();
-        // Revisions are numbers of one run of one master.
-        self.scene_revision = None;
-        self.scene_works = false;
         self.counters_due_us = link::now_us() + COUNTERS_INTERVAL_US;
         if known && self.picture.is_some() {
             return None;
         }
         self.picture = None;
         Some(Next::OpenWindows { wall, host })
-    }
-
-    /// Gives the picture the newest scene, as soon as there are both.
-    fn take_scene(&mut self) {
-        let Some(picture) = &mut self.picture else {
-            return;
-        };
-        let Some((revision, scene)) = self.next_scene.take() else {
-            return;
-        };
-        self.scene_revision = Some(revision);
-        let taken = picture.set_scene(revision, &scene);
-        self.scene_works = taken.is_ok();
-        match taken {
-            Ok(()) => {}
-            Err(error @ PictureError::Unavailable(_)) => return self.fail(error.into()),
-            Err(error) => self.fault(&error),
-        }
-        if let Some(view) = self.early_view.take() {
-            self.view(view);
-        }
-    }
-
-    fn view(&mut self, view: Arrived<View>) {
-        match self.scene_revision {
-            // The view overtook its scene: the datagram was faster than the stream.
-            None => self.early_view = Some(view),
-            Some(revision) if revision < view.content.scene_revision => {
-                self.early_view = Some(view);
-            }
-            // A scene that cannot be shown is not drawn: the last picture stays, the master knows.
-            Some(_) if !self.scene_works => {}
-            Some(_) => {
-                let Arrived { content, at_us } = view;
-                let arrived_us = self.mail.clock(|clock| clock.master_us(at_us));
-                if content.frame > self.follower.newest_frame() {
-                    self.view_latency_us =
-                        (content.frame, arrived_us.saturating_sub(content.sent_us));
-                }
-                if let Some(swap) = content.previous_swap {
-                    self.remember_swap(swap.frame, at_us);
-                }
-                let now_us = self.master_now_us();
-                self.steps.extend(self.follower.view(content, now_us));
-            }
-        }
-    }
-
-    fn draw(&mut self, view: &View) {
-        let Some(picture) = &mut self.picture else {
-            return;
-        };
-        self.priority.lower();
-        link::sleep_until_us(self.rest_until_us);
-        let start_us = link::now_us();
-        let drawn = match picture.draw(view) {
-            Ok(drawn) => Some(drawn),
-            Err(error @ PictureError::Unavailable(_)) => return self.fail(error.into()),
-            Err(error) => {
-                self.fault(&error);
-                None
-            }
-        };
-        let view_latency_us = match self.view_latency_us {
-            (frame, latency_us) if frame == view.frame => latency_us,
-            _ => 0,
-        };
-        self.waiting = drawn.map(|drawn| Waiting {
-            view_sent_us: view.sent_us,
-            view_latency_us,
-            draw_us: link::now_us() - start_us,
-            drawn,
-        });
-        let now_us = self.master_now_us();
-        let steps = self.follower.drawn(view.epoch, view.frame, now_us);
-        // A frame that failed is not ready: the wall goes on without this node after a deadline.
-        let failed = self.waiting.is_none();
-        self.steps.extend(
-            steps
-                .into_iter()
-                .filter(|step| !(failed && matches!(step, Step::SayReady { .. }))),
-        );
-    }
-
-    fn say_ready(&self, epoch: u32, frame: u64) {
-        let drawn = self
-            .waiting
-            .as_ref()
-            .map_or_else(Drawn::default, |waiting| waiting.drawn);
-        let ready = ToMaster::Ready {
-            epoch,
-            frame,
-            converged: drawn.converged,
-            pending_tiles: drawn.pending_tiles,
-        };
-        self.mail.send(Outgoing::Datagram(ready), true);
-    }
-
-    fn present(&mut self, swap: Swap) -> Next {
-        let moment_us = self.mail.clock(|clock| clock.node_us(swap.present_at_us));
-        if moment_us - link::now_us() > LAST_SLEEP_US {
-            return Next::Wait {
-                until_us: Some(moment_us - LAST_SLEEP_US),
-            };
-        }
-        self.priority.raise();
-        link::sleep_until_us(moment_us);
-        let now_us = self.master_now_us();
-        if !self.follower.is_due(now_us) {
-            // This process was held up for so long that the wall has gone on.
-            self.presenting = None;
-            self.waiting = None;
-            self.priority.lower();
-            let steps = self.follower.dropped(now_us);
-            self.steps.extend(steps);
-            return Next::Again;
-        }
-        let presented = self.picture.as_mut().map(|picture| picture.present());
-        let presented_us = link::now_us();
-        self.priority.lower();
-        self.presenting = None;
-        self.rest_until_us = presented_us + PRESENT_PAUSE_US;
-        if let Some(Err(error)) = presented {
-            self.fault(&error);
-        } else if let Some(waiting) = self.waiting.take() {
-            self.outcome.frames += 1;
-            self.tell_presented(swap, &waiting, presented_us);
-        }
-        let now_us = self.master_now_us();
-        let steps = self.follower.presented(now_us);
-        self.steps.extend(steps);
-        Next::Again
-    }
-
-    fn tell_presented(&self, swap: Swap, waiting: &Waiting, presented_us: i64) {
-        let (presented_us, error_us) = self
-            .mail
-            .clock(|clock| (clock.master_us(presented_us), clock.error_us(presented_us)));
-        let arrived_us = self.swaps_us.iter().find(|(frame, _)| *frame == swap.frame);
-        let slack_us = arrived_us.map_or(0, |(_, at_us)| swap.present_at_us.saturating_sub(*at_us));
-        let presented = Presented {
-            epoch: swap.epoch,
-            frame: swap.frame,
-            presented_us,
-            clock_error_us: unsigned(error_us),
-            view_latency_us: signed(waiting.view_latency_us),
-            view_to_present_us: unsigned(presented_us.saturating_sub(waiting.view_sent_us)),
-            swap_slack_us: signed(slack_us),
-            draw_us: unsigned(waiting.draw_us),
-            redrawn: waiting.drawn.redrawn,
-            triangles: waiting.drawn.triangles,
-            converged: waiting.drawn.converged,
-        };
-        self.mail
-            .send(Outgoing::Message(ToMaster::Presented(presented)), false);
     }
 
     fn capture(&mut self, id: u32) {
@@ -469,28 +301,7 @@ impl FrameLoop {
             .send(Outgoing::Message(ToMaster::Fault { message }), true);
     }
 
-    fn remember_swap(&mut self, frame: u64, at_us: i64) {
-        if self.swaps_us.iter().any(|(known, _)| *known == frame) {
-            return;
-        }
-        if self.swaps_us.len() == REMEMBERED_SWAPS {
-            self.swaps_us.pop_front();
-        }
-        let at_us = self.mail.clock(|clock| clock.master_us(at_us));
-        self.swaps_us.push_back((frame, at_us));
-    }
-
     fn master_now_us(&self) -> i64 {
         self.mail.clock(|clock| clock.master_us(link::now_us()))
     }
-}
-
-/// A time that cannot be below 0.
-fn unsigned(time_us: i64) -> u32 {
-    u32::try_from(time_us.max(0)).unwrap_or(u32::MAX)
-}
-
-/// A time of either sign.
-fn signed(time_us: i64) -> i32 {
-    i32::try_from(time_us).unwrap_or(if time_us < 0 { i32::MIN } else { i32::MAX })
 }

@@ -5,11 +5,16 @@
 //! and speaks. The node outlives its master: it keeps the last picture and looks for the next one.
 
 mod frame_loop;
+mod known_scenes;
 mod mail;
 mod picture;
+mod presentation;
 mod priority;
 mod renderer;
+mod scene_data;
+mod scenes;
 mod session;
+mod speaker;
 mod steering;
 mod window;
 

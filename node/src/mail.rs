@@ -12,6 +12,7 @@ use protocol::{Scene, ToMaster, View, Wall};
 use tokio::sync::Notify;
 
 use crate::picture::OutputImage;
+use crate::scenes::SceneQueue;
 use crate::session::SessionError;
 
 /// Most messages that wait for the network. A master that takes none for so long is about to be given up.
@@ -33,8 +34,8 @@ pub(crate) struct Inbox {
     /// A master has welcomed this node: its wall, and this node's index into the hosts. Whatever came
     /// before from another connection is gone.
     pub(crate) welcome: Option<(Arc<Wall>, usize)>,
-    /// The newest scene and its revision.
-    pub(crate) scene: Option<(u64, Box<Scene>)>,
+    /// Scenes that the master may still show, in the order in which they arrived.
+    pub(crate) scenes: SceneQueue<Box<Scene>>,
     /// The newest view.
     pub(crate) view: Option<Arrived<View>>,
     /// Swaps in the order in which they arrived; the network keeps the newest few.
@@ -47,6 +48,14 @@ pub(crate) struct Inbox {
     pub(crate) disconnected: bool,
     /// There will be no further connection.
     pub(crate) ended: Option<End>,
+}
+
+impl Inbox {
+    /// A view takes the place of the one before, and scenes that its own has replaced are forgotten.
+    pub(crate) fn put_view(&mut self, view: Arrived<View>) {
+        self.scenes.forget_before(view.content.scene_revision);
+        self.view = Some(view);
+    }
 }
 
 /// Why a session is over for good.

@@ -34,6 +34,8 @@ pub struct Drawn {
     pub pending_tiles: u32,
     /// Triangles drawn.
     pub triangles: u64,
+    /// The scene in preparation, once everything that this view needs of it is there.
+    pub prepared: Option<u64>,
 }
 
 /// The pixels of one output.
@@ -74,18 +76,27 @@ pub trait PictureMaker {
 
 /// All outputs of one host.
 pub trait Picture {
-    /// Takes a new scene. Views of `revision` follow.
+    /// Takes a new scene. The first one is shown at once. A later one is prepared while views of the shown one
+    /// are drawn, and takes the place of another in preparation; from its first view on it is the shown one.
+    /// `revision` is its number in views until another scene of the same number comes: a new master counts
+    /// anew. What was drawn last may still have to be presented.
     ///
     /// # Errors
-    /// A scene that cannot be shown; the last scene and picture stay.
-    fn set_scene(&mut self, revision: u64, scene: &Scene) -> Result<(), PictureError>;
+    /// A scene that cannot be shown; nothing changes.
+    fn prepare_scene(&mut self, revision: u64, scene: &Scene) -> Result<(), PictureError>;
 
     /// Prepares and draws a view and waits for the GPU, but not for data: what is missing is shown as its
-    /// best ancestor. Draws nothing if the last picture already shows the view.
+    /// best ancestor. Draws nothing if the last picture already shows the view. The view's scene is the shown
+    /// one or the one in preparation, whether that is prepared or not.
     ///
     /// # Errors
     /// A lost device and the like.
     fn draw(&mut self, view: &View) -> Result<Drawn, PictureError>;
+
+    /// Geodetic latitude and longitude in degrees of the ground under a pixel of an output, in the view that
+    /// was drawn last. `output` counts the host's outputs, `pixel` is right and down from the upper left
+    /// corner. `None` beside the planet and before the first view.
+    fn ground_under(&self, output: usize, pixel: [f64; 2]) -> Option<[f64; 2]>;
 
     /// Brings what was drawn to the screens, at once. Headless outputs have nothing to do.
     ///

@@ -9,20 +9,20 @@ use std::time::Duration;
 
 use glam::{DMat3, DVec3};
 use protocol::message::TileCounters;
-use protocol::scene::{LayerKind, Sun};
+use protocol::scene::Sun;
 use protocol::wall::{Host, Screen};
-use protocol::{Scene, View, Wall};
+use protocol::{Pose, Scene, View, Wall};
 use render::{
-    Air, CacheConfig, ChannelPlan, Gpu, Light, OutputPlan, PixelRect, PlanarScreen, RenderBudget,
-    RenderError, Renderer, SceneData, TileCache, ViewPoint, WindowSurface, sun_over,
+    CacheConfig, ChannelPlan, Gpu, OutputPlan, PixelRect, PlanarScreen, RenderBudget, RenderError,
+    Renderer, TileCache, ViewPoint, WindowSurface, sun_over,
 };
 use winit::event_loop::OwnedDisplayHandle;
 
+use crate::known_scenes::KnownScenes;
 use crate::picture::{Drawn, OutputImage, Picture, PictureError, PictureMaker, PictureRequest};
+use crate::scene_data::scene_data;
 
 const MIB: u64 = 1 << 20;
-/// Scale heights in the height at which the air ends: at eight, density is a three-thousandth.
-const SCALE_HEIGHTS: f64 = 8.0;
 /// Share of a frame's time that uploads may take.
 const UPLOAD_SHARE: f64 = 0.25;
 
@@ -31,7 +31,9 @@ pub(crate) struct WallPicture {
     wall: Wall,
     renderer: Renderer,
     surfaces: Vec<WindowSurface>,
-    scene: Option<Scene>,
+    scenes: KnownScenes,
+    /// Where the sun of the last view stands in scenes that the camera lights.
+    camera_sun: DVec3,
 }
 
 /// Opens this machine's graphics adapter once, and makes a picture for each wall that the node joins.
@@ -117,7 +119,8 @@ impl WallPicture {
             wall,
             renderer,
             surfaces,
-            scene: None,
+            scenes: KnownScenes::default(),
+            camera_sun: DVec3::X,
         })
     }
 
@@ -227,57 +230,11 @@ fn planar(screen: &Screen, head_m: [f64; 3]) -> PlanarScreen {
     )
 }
 
-fn scene_data(scene: &Scene, view: Option<&View>) -> Result<SceneData, PictureError> {
-    let layer = |kind: LayerKind| {
-        let mut of_kind = scene.layers.iter().filter(|layer| layer.kind == kind);
-        let first = of_kind.next();
-        if let (Some(first), Some(second)) = (first, of_kind.next()) {
-            return Err(PictureError::Scene(format!(
-                "layers \"{}\" and \"{}\" are both {kind:?}: this version draws one layer of a kind; import both \
-                 sources into one repository instead",
-                first.name, second.name
-            )));
-        }
-        Ok(first.map(|layer| (layer.name.clone(), PathBuf::from(&layer.repository))))
-    };
-    let air = &scene.atmosphere;
-    Ok(SceneData {
-        ellipsoid: scene.planet,
-        elevation: layer(LayerKind::Elevation)?,
-        imagery: layer(LayerKind::Imagery)?,
-        light: Light {
-            sun: sun_direction(scene.light.sun, view),
-            ambient: scene.light.ambient,
-            relief: scene.light.relief,
-        },
-        air: Air {
-            thickness_m: if air.enabled {
-                air.thickness_m / SCALE_HEIGHTS
-            } else {
-                0.0
-            },
-            // Pictures hold the square root of light.
-            colour: air.colour.map(f64::sqrt),
-        },
-        refinement: scene.mesh.refinement,
-        tile_px: scene.mesh.tile_px,
-        deepest_level: scene.mesh.deepest_level,
-    })
-}
-
-fn sun_direction(sun: Sun, view: Option<&View>) -> DVec3 {
-    match sun {
-        Sun::Fixed {
-            latitude_deg,
-            longitude_deg,
-        } => sun_over(latitude_deg, longitude_deg),
-        Sun::Camera => view.map_or(DVec3::X, |view| {
-            let pose = &view.pose;
-            let shoulder =
-                DVec3::from(pose.back) - DVec3::from(pose.right) * 0.7 + DVec3::from(pose.up) * 0.6;
-            shoulder.normalize_or(DVec3::X)
-        }),
-    }
+/// Over the viewer's left shoulder.
+fn sun_of_camera(pose: &Pose) -> DVec3 {
+    let shoulder =
+        DVec3::from(pose.back) - DVec3::from(pose.right) * 0.7 + DVec3::from(pose.up) * 0.6;
+    shoulder.normalize_or(DVec3::X)
 }
 
 fn frame_error(error: &RenderError) -> PictureError {
@@ -285,27 +242,44 @@ fn frame_error(error: &RenderError) -> PictureError {
 }
 
 impl Picture for WallPicture {
-    fn set_scene(&mut self, _revision: u64, scene: &Scene) -> Result<(), PictureError> {
-        let data = scene_data(scene, None)?;
+    fn prepare_scene(&mut self, revision: u64, scene: &Scene) -> Result<(), PictureError> {
+        let sun = scene.light.sun;
+        let direction = match sun {
+            Sun::Fixed {
+                latitude_deg,
+                longitude_deg,
+            } => sun_over(latitude_deg, longitude_deg),
+            Sun::Camera => self.camera_sun,
+        };
+        let data = scene_data(scene, direction);
         self.renderer
-            .set_scene(data)
+            .prepare_scene(self.scenes.next_number(), data)
             .map_err(|error| PictureError::Scene(error.to_string()))?;
-        self.scene = Some(scene.clone());
+        self.scenes.taken(revision, sun);
         Ok(())
     }
 
     fn draw(&mut self, view: &View) -> Result<Drawn, PictureError> {
+        let Some(known) = self.scenes.of_revision(view.scene_revision) else {
+            return Err(PictureError::Frame(format!(
+                "frame {} shows revision {} of the scene, which was not prepared",
+                view.frame, view.scene_revision
+            )));
+        };
         let view_point = self.view_point(view);
-        if let Some(scene) = &self.scene
-            && scene.light.sun == Sun::Camera
-        {
-            self.renderer
-                .set_sun(sun_direction(Sun::Camera, Some(view)));
+        // First: the sun is the shown scene's, and this view's on every node.
+        self.renderer
+            .show(known.number)
+            .map_err(|error| frame_error(&error))?;
+        self.camera_sun = sun_of_camera(&view.pose);
+        if known.sun == Sun::Camera {
+            self.renderer.set_sun(self.camera_sun);
         }
         let statistics = self
             .renderer
-            .draw(&view_point)
+            .draw(&view_point, known.number)
             .map_err(|error| frame_error(&error))?;
+        self.scenes.drawn(known);
         if statistics.redrawn {
             for surface in &mut self.surfaces {
                 surface
@@ -318,7 +292,12 @@ impl Picture for WallPicture {
             converged: statistics.converged,
             pending_tiles: statistics.pending_tiles,
             triangles: statistics.triangles,
+            prepared: self.scenes.preparing(statistics.prepared),
         })
+    }
+
+    fn ground_under(&self, output: usize, pixel: [f64; 2]) -> Option<[f64; 2]> {
+        self.renderer.ground_under(output, pixel)
     }
 
     fn present(&mut self) -> Result<(), PictureError> {

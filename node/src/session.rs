@@ -8,7 +8,6 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use link::{Channel, CloseCode, Closed, ConnectError, Identity, MessageError, Peer};
-use protocol::capture::split_rows;
 use protocol::clock::{ClockEstimate, ClockSample};
 use protocol::codec::{
     DecodeError, MAX_LARGE_BYTES, decode_to_node, decode_view, encode_to_master,
@@ -18,8 +17,8 @@ use protocol::{PROTOCOL_VERSION, ToMaster, ToNode, View};
 use tokio::sync::mpsc;
 use tokio::time::{Instant, sleep_until, timeout};
 
-use crate::mail::{Arrived, End, Mail, Outgoing};
-use crate::picture::OutputImage;
+use crate::mail::{Arrived, End, Mail};
+use crate::speaker::{Pings, Speaker};
 use crate::{NodeStatus, StatusHook};
 
 /// First and longest wait between two tries to reach a master.
@@ -31,8 +30,6 @@ const GREETING_TIMEOUT: Duration = Duration::from_secs(5);
 const STOP_POLL: Duration = Duration::from_millis(100);
 /// What is not urgent leaves after this long at the latest.
 const FLUSH: Duration = Duration::from_millis(50);
-/// Pace of captured pictures: a tenth of a gigabit link, so that views pass beside them.
-const CAPTURE_BYTES_PER_SECOND: u32 = 60_000_000;
 /// Swaps that are kept for the frame loop: the newest two are all that can matter.
 const KEPT_SWAPS: usize = 2;
 /// Control messages that may wait for a master that does not read.
@@ -356,7 +353,7 @@ impl Session {
         let content = decode_view(bytes).map_err(|error| self.misunderstood(error))?;
         let view = Arrived { content, at_us };
         if self.mail.clock(|clock| clock.is_ready()) {
-            self.mail.deliver(|inbox| inbox.view = Some(view));
+            self.mail.deliver(|inbox| inbox.put_view(view));
         } else {
             // Until the master's clock is known, no picture can be presented in step.
             connection.early_view = Some(view);
@@ -401,7 +398,7 @@ impl Session {
             }
             ToNode::Scene { revision, scene } => {
                 self.mail
-                    .deliver(|inbox| inbox.scene = Some((revision, scene)));
+                    .deliver(|inbox| inbox.scenes.push(revision, at_us, scene));
             }
             ToNode::Swap(swap) => self.mail.deliver(|inbox| {
                 inbox.swaps.push_back(Arrived {
@@ -439,7 +436,7 @@ impl Session {
                     clock.is_ready()
                 });
                 if ready && let Some(view) = connection.early_view.take() {
-                    self.mail.deliver(|inbox| inbox.view = Some(view));
+                    self.mail.deliver(|inbox| inbox.put_view(view));
                 }
             }
             ToNode::Capture { id } => self.mail.deliver(|inbox| inbox.capture = Some(id)),
@@ -479,99 +476,4 @@ fn lost(reason: String, welcomed: bool) -> Over {
         welcomed,
         retry_after: None,
     })
-}
-
-/// When the master's clock is asked for next.
-struct Pings {
-    next: Instant,
-    sequence: u32,
-}
-
-impl Pings {
-    fn ping(&mut self, wait_us: i64) -> ToMaster {
-        self.next = Instant::now() + Duration::from_micros(wait_us.unsigned_abs());
-        self.sequence = self.sequence.wrapping_add(1);
-        ToMaster::ClockPing {
-            sequence: self.sequence,
-            node_sent_us: link::now_us(),
-        }
-    }
-}
-
-/// What the node says, on the way that suits it.
-struct Speaker<'a> {
-    peer: &'a Peer,
-    control: Option<mpsc::Sender<Vec<u8>>>,
-}
-
-impl Speaker<'_> {
-    /// Sends a datagram, or not: what travels so is said again if it is lost.
-    fn datagram(&self, message: &ToMaster) {
-        let sent = encode_to_master(message)
-            .map_err(|error| error.to_string())
-            .and_then(|bytes| {
-                self.peer
-                    .send_datagram(Channel::Message, &bytes)
-                    .map_err(|error| error.to_string())
-            });
-        if let Err(error) = sent {
-            tracing::debug!(%error, "a datagram did not leave");
-        }
-    }
-
-    /// False if the master has taken nothing for so long that the queue is full.
-    fn say(&self, outgoing: Outgoing, mail: &Arc<Mail>) -> bool {
-        match outgoing {
-            Outgoing::Datagram(message) => {
-                self.datagram(&message);
-                true
-            }
-            Outgoing::Message(message) => match (encode_to_master(&message), &self.control) {
-                (Ok(bytes), Some(control)) => control.try_send(bytes).is_ok(),
-                (Ok(_), None) => true,
-                (Err(error), _) => {
-                    tracing::error!(%error, "a message of this node does not fit");
-                    true
-                }
-            },
-            Outgoing::Pictures(id, pictures) => {
-                tokio::spawn(send_pictures(
-                    self.peer.clone(),
-                    id,
-                    pictures,
-                    Arc::clone(mail),
-                ));
-                true
-            }
-        }
-    }
-}
-
-/// Sends captured pictures in bulk, then the word that they are complete.
-async fn send_pictures(peer: Peer, id: u32, pictures: Vec<OutputImage>, mail: Arc<Mail>) {
-    let sent = async {
-        let mut bulk = peer
-            .open_bulk(MAX_LARGE_BYTES, CAPTURE_BYTES_PER_SECOND)
-            .await
-            .map_err(|error| error.to_string())?;
-        let outputs = pictures.len() as u32;
-        for (output, picture) in (0u32..).zip(&pictures) {
-            for rows in split_rows(id, output, picture.width, &picture.rgba) {
-                let bytes = encode_to_master(&ToMaster::CaptureRows(rows))
-                    .map_err(|error| error.to_string())?;
-                bulk.send(&bytes).await.map_err(|error| error.to_string())?;
-            }
-        }
-        let done = encode_to_master(&ToMaster::CaptureDone { id, outputs })
-            .map_err(|error| error.to_string())?;
-        bulk.send(&done).await.map_err(|error| error.to_string())?;
-        bulk.finish().await;
-        Ok::<(), String>(())
-    };
-    if let Err(reason) = sent.await {
-        mail.send(
-            Outgoing::Message(ToMaster::CaptureFailed { id, reason }),
-            true,
-        );
-    }
 }

@@ -48,7 +48,8 @@ pub(crate) fn run(
 
 struct Application {
     frame_loop: FrameLoop,
-    windows: HashMap<WindowId, Steering>,
+    /// Index of each window's output, and its input.
+    windows: HashMap<WindowId, (usize, Steering)>,
     result: Option<Result<NodeOutcome, NodeError>>,
 }
 
@@ -64,11 +65,11 @@ impl Application {
         let outputs = wall.hosts.get(host).map_or(&[][..], |host| &host.outputs);
         let steering = || Steering::new(1.0 / wall.pixels_per_radian().max(1.0));
         let mut windows = Vec::new();
-        for output in outputs {
+        for (index, output) in outputs.iter().enumerate() {
             windows.push(match open_window(event_loop, output) {
                 None => None,
                 Some(Ok(window)) => {
-                    self.windows.insert(window.id(), steering());
+                    self.windows.insert(window.id(), (index, steering()));
                     Some(Arc::new(window))
                 }
                 Some(Err(error)) => {
@@ -83,14 +84,19 @@ impl Application {
 
     fn tell_master(&mut self) -> Option<i64> {
         let now_us = link::now_us();
-        for steering in self.windows.values_mut() {
+        let frame_loop = &self.frame_loop;
+        for (output, steering) in self.windows.values_mut() {
             if let Some(steer) = steering.take(now_us) {
-                self.frame_loop.steer(steer);
+                frame_loop.steer(steer);
+            }
+            let ground_under = |pixel| frame_loop.ground_under(*output, pixel);
+            if let Some(moved) = steering.take_lens(now_us, ground_under) {
+                frame_loop.move_lens(moved);
             }
         }
         self.windows
             .values()
-            .filter_map(Steering::next_repeat_us)
+            .filter_map(|(_, steering)| steering.next_repeat_us())
             .min()
     }
 }
@@ -103,7 +109,7 @@ impl ApplicationHandler<Wake> for Application {
     }
 
     fn window_event(&mut self, _: &ActiveEventLoop, id: WindowId, event: WindowEvent) {
-        let Some(steering) = self.windows.get_mut(&id) else {
+        let Some((_, steering)) = self.windows.get_mut(&id) else {
             return;
         };
         match event {

@@ -9,7 +9,7 @@ use serde::de::DeserializeOwned;
 use thiserror::Error;
 
 use crate::config::ConfigError;
-use crate::message::{MAX_NEW_TILES, PROTOCOL_VERSION, ToMaster, ToNode, View};
+use crate::message::{MAX_NEW_TILES, MAX_REASON_BYTES, PROTOCOL_VERSION, ToMaster, ToNode, View};
 use crate::wall::MAX_OBSERVERS;
 
 /// Most bytes of a [`View`]: it fits the smallest QUIC datagram.
@@ -179,6 +179,17 @@ pub fn decode_to_master(bytes: &[u8]) -> Result<ToMaster, DecodeError> {
                     "a steering movement that is not finite",
                 ))
             }
+        }
+        ToMaster::CannotPrepare { reason, .. } if reason.len() > MAX_REASON_BYTES => {
+            Err(DecodeError::Senseless("a reason of more than 2048 bytes"))
+        }
+        ToMaster::MoveLens(place)
+            if !((-90.0..=90.0).contains(&place.latitude_deg)
+                && (-180.0..=180.0).contains(&place.longitude_deg)) =>
+        {
+            Err(DecodeError::Senseless(
+                "a lens that is moved off the planet",
+            ))
         }
         _ => Ok(message),
     }

@@ -1,4 +1,5 @@
-//! Reading TOML so that every complaint names file, line, column, key, value and what to write instead.
+//! Reading TOML so that every complaint names file, line, column, key, value and what to write instead; and JSON
+//! of the same shape, whose complaints name the path of the key.
 //! In: text. Out: values, or the first [`ConfigError`]. It knows neither walls nor scenes.
 
 use std::fmt;
@@ -8,9 +9,11 @@ use thiserror::Error;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
+mod json;
 mod table;
 
-pub(crate) use table::{Table, Value};
+pub(crate) use json::{check_depth, toml_of_json};
+pub(crate) use table::{Table, Value, nearest};
 
 /// What kind of fault a file has.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -71,7 +74,11 @@ impl ConfigError {
 impl fmt::Display for Details {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         if let Some(origin) = &self.origin {
-            write!(formatter, "{origin}:{}:{}: ", self.line, self.column)?;
+            formatter.write_str(origin)?;
+            if self.line > 0 {
+                write!(formatter, ":{}:{}", self.line, self.column)?;
+            }
+            formatter.write_str(": ")?;
         }
         if !self.key.is_empty() {
             write!(formatter, "{}", self.key)?;
@@ -107,9 +114,14 @@ impl Problem {
 
     /// The error for values that came from no file.
     pub(crate) fn without_origin(self) -> ConfigError {
+        self.into_error(None)
+    }
+
+    /// The error for values that came from somewhere, but from no line of a text.
+    pub(crate) fn into_error(self, origin: Option<&str>) -> ConfigError {
         ConfigError(Box::new(Details {
             fault: self.fault,
-            origin: None,
+            origin: origin.map(str::to_owned),
             line: 0,
             column: 0,
             key: self.key,
@@ -122,24 +134,43 @@ impl Problem {
 /// A TOML text with the places of its values.
 pub(crate) struct Document<'i> {
     text: &'i str,
-    origin: String,
+    origin: Option<String>,
+    /// Whether lines and columns mean something to whoever wrote the values.
+    has_lines: bool,
     root: Spanned<DeTable<'i>>,
 }
 
 impl<'i> Document<'i> {
     /// Parses a text. `origin` names it in errors.
     pub(crate) fn parse(text: &'i str, origin: &str) -> Result<Self, ConfigError> {
+        Self::new(text, Some(origin), true)
+    }
+
+    /// Parses a text that nobody has seen, made by [`toml_of_json`]. Errors name no lines of it.
+    pub(crate) fn parse_rewritten(
+        text: &'i str,
+        origin: Option<&str>,
+    ) -> Result<Self, ConfigError> {
+        Self::new(text, origin, false)
+    }
+
+    fn new(text: &'i str, origin: Option<&str>, has_lines: bool) -> Result<Self, ConfigError> {
+        let origin = origin.map(str::to_owned);
         match DeTable::parse(text) {
             Ok(root) => Ok(Self {
                 text,
-                origin: origin.to_owned(),
+                origin,
+                has_lines,
                 root,
             }),
             Err(error) => {
-                let (line, column) = position(text, error.span().unwrap_or(0..0).start);
+                let (line, column) = match has_lines {
+                    true => position(text, error.span().unwrap_or(0..0).start),
+                    false => (0, 0),
+                };
                 Err(ConfigError(Box::new(Details {
                     fault: Fault::Syntax,
-                    origin: Some(origin.to_owned()),
+                    origin,
                     line,
                     column,
                     key: String::new(),
@@ -163,15 +194,18 @@ impl<'i> Document<'i> {
 
     /// An error about the text at `span`.
     fn error(&self, fault: Fault, span: Range<usize>, key: String, advice: String) -> ConfigError {
-        let (line, column) = position(self.text, span.start);
+        let (line, column) = match self.has_lines {
+            true => position(self.text, span.start),
+            false => (0, 0),
+        };
         let value = self.text.get(span).map(shorten).unwrap_or_default();
         // A missing key has no value, and a table header says nothing that the key does not say.
         let value = match fault {
             Fault::MissingKey | Fault::UnknownKey => String::new(),
-            _ if value.starts_with('[') && value.contains("]]") => String::new(),
+            _ if is_header(&value, &key) => String::new(),
             _ => value,
         };
-        let origin = Some(self.origin.clone());
+        let origin = self.origin.clone();
         ConfigError(Box::new(Details {
             fault,
             origin,
@@ -228,6 +262,40 @@ fn shorten(text: &str) -> String {
         return line;
     }
     line.chars().take(69).chain("...".chars()).collect()
+}
+
+/// Whether the text of a value is the header of the table at `key`: `[[hosts.outputs]]` of `hosts[1].outputs[0]`.
+fn is_header(text: &str, key: &str) -> bool {
+    let steps = key
+        .split('.')
+        .map(|step| step.split_once('[').map_or(step, |(name, _)| name));
+    let name = text.trim_start_matches('[').trim_end_matches(']');
+    text.starts_with('[') && steps.eq(name.split('.').map(str::trim))
+}
+
+/// A key as it stands in a path: in quotes where it is no bare word, and cut where it is long.
+fn key_text(key: &str) -> String {
+    let bare = |letter: char| letter.is_ascii_alphanumeric() || letter == '-' || letter == '_';
+    if !key.is_empty() && key.chars().all(bare) {
+        shorten(key)
+    } else {
+        shorten(&quoted(key))
+    }
+}
+
+/// A text in quotes, as TOML writes it.
+fn quoted(text: &str) -> String {
+    let mut quoted = String::with_capacity(text.len() + 2);
+    quoted.push('"');
+    for letter in text.chars() {
+        match letter {
+            '"' | '\\' => quoted.extend(['\\', letter]),
+            _ if letter.is_control() => quoted.push_str(&format!("\\u{:04X}", u32::from(letter))),
+            _ => quoted.push(letter),
+        }
+    }
+    quoted.push('"');
+    quoted
 }
 
 /// What a value is, for messages.

@@ -10,6 +10,7 @@
 //! | [`capture`] | pictures cut into messages and put together again |
 //! | [`barrier`], [`follower`] | the swap barrier: the master's side and a node's side |
 //! | [`membership`] | who may join, who is in, who has left |
+//! | [`change`] | which revision of the scene is shown, prepared and queued |
 //! | [`clock`], [`pacing`] | one clock for all nodes, and the moments at which they present |
 //! | [`report`] | what was measured |
 //!
@@ -19,6 +20,7 @@
 pub mod barrier;
 pub mod camera;
 pub mod capture;
+pub mod change;
 pub mod clock;
 pub mod codec;
 mod config;

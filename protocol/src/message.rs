@@ -4,8 +4,9 @@
 //! know that its certificate was accepted. The node says [`ToMaster::Hello`]; the master answers
 //! [`ToNode::Welcome`] with the wall, then [`ToNode::Scene`], or [`ToNode::Refused`] with a reason.
 //! Then, frame by frame: [`View`] → draw → [`ToMaster::Ready`] → [`ToNode::Swap`] → present at the
-//! same moment → [`ToMaster::Presented`]. Any view is complete: one scene and the next view are all
-//! that a late node needs. All times are microseconds. This file knows no bytes: see `codec`.
+//! same moment → [`ToMaster::Presented`]. Any view is complete: the shown scene and the next view are all
+//! that a late node needs. A further scene is prepared beside the shown one ([`ToMaster::Prepared`]) and
+//! shown from the first view on that bears its revision. All times are microseconds; for bytes see `codec`.
 
 use serde::{Deserialize, Serialize};
 
@@ -14,10 +15,13 @@ use crate::scene::Scene;
 use crate::wall::Wall;
 
 /// Changes whenever a message changes. Master and nodes must have the same.
-pub const PROTOCOL_VERSION: u32 = 1;
+pub const PROTOCOL_VERSION: u32 = 2;
 
 /// Most new tiles that one [`ToMaster::Counters`] may name.
 pub const MAX_NEW_TILES: usize = 4096;
+
+/// Most bytes of the reason in a [`ToMaster::CannotPrepare`]: the master shows it to people and keeps it.
+pub const MAX_REASON_BYTES: usize = 2048;
 
 /// The render state of one frame. Encoded, it never exceeds 1,100 bytes.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -77,7 +81,8 @@ pub enum ToNode {
         /// When another try may succeed; `None`: never without a change.
         retry_after_ms: Option<u32>,
     },
-    /// What to show from the first view of this revision on.
+    /// What to show from the first view of this revision on. Until then the node prepares it while it goes
+    /// on drawing the shown one. A newer one takes the place of one that is in preparation.
     Scene {
         /// Rises with every scene.
         revision: u64,
@@ -167,6 +172,44 @@ pub enum ToMaster {
         /// A sentence for the operator.
         reason: String,
     },
+    /// All that the node's present view needs of a scene is there: it can be shown with the next view.
+    /// Said once per revision and connection.
+    Prepared {
+        /// The scene's revision.
+        revision: u64,
+    },
+    /// The node cannot show a scene and goes on with the one that it shows. See
+    /// [`ToMaster::cannot_prepare`].
+    CannotPrepare {
+        /// The scene's revision.
+        revision: u64,
+        /// A sentence that names the thing and the remedy, at most [`MAX_REASON_BYTES`] bytes.
+        reason: String,
+    },
+    /// A lens is dragged in one of the node's windows.
+    MoveLens(MoveLens),
+}
+
+impl ToMaster {
+    /// That a scene cannot be prepared. A longer reason than the message holds is cut between two
+    /// characters and ends in "…".
+    #[must_use]
+    pub fn cannot_prepare(revision: u64, reason: &str) -> Self {
+        const CUT: &str = "…";
+        let reason = if reason.len() <= MAX_REASON_BYTES {
+            reason.to_owned()
+        } else {
+            let room = MAX_REASON_BYTES - CUT.len();
+            let kept = reason
+                .char_indices()
+                .map(|(start, character)| start + character.len_utf8());
+            let end = kept.take_while(|end| *end <= room).last().unwrap_or(0);
+            let mut short = reason.get(..end).unwrap_or_default().to_owned();
+            short.push_str(CUT);
+            short
+        };
+        Self::CannotPrepare { revision, reason }
+    }
 }
 
 /// Who a node is.
@@ -241,6 +284,17 @@ pub struct Steer {
     pub zoom: f64,
     /// Keys that are held down. A window repeats them at least every 100 ms as long as there are any.
     pub held: HeldKeys,
+}
+
+/// Where the pointer has dragged a lens.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct MoveLens {
+    /// Geodetic latitude of the ground under the pointer, −90…90.
+    pub latitude_deg: f64,
+    /// Its longitude, −180…180.
+    pub longitude_deg: f64,
+    /// The first message of a drag: it chooses the lens that the following ones move.
+    pub grab: bool,
 }
 
 /// A set of steering keys.

@@ -1,7 +1,9 @@
 //! What a run has measured, as a value that becomes `report.json`.
 //! In: what the [`Recorder`] has collected. Out: a [`Report`] with stable keys. It writes no file.
 
+mod changes;
 mod recorder;
+mod tally;
 
 use serde::{Deserialize, Serialize};
 
@@ -33,6 +35,12 @@ pub struct Report {
     pub clock_error_us: Max,
     /// What the nodes' tile caches did.
     pub tiles: TileReport,
+    /// Deadlines missed, over all nodes. 0 in reports older than this key.
+    #[serde(default)]
+    pub missed_deadlines: u64,
+    /// What became of changes of the scene. Zeros in reports older than this key.
+    #[serde(default)]
+    pub changes: ChangeReport,
     /// Whether nothing was missing in the last picture of any node.
     pub converged: bool,
     /// Every host of the wall, in its order.
@@ -68,6 +76,30 @@ pub struct QuantilesAndMax {
 pub struct Max {
     /// Maximum.
     pub max: u64,
+}
+
+/// What became of changes of the scene during the run. Every submitted one was shown, superseded or refused,
+/// or was undecided when the run ended.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct ChangeReport {
+    /// Changes that were accepted as revisions.
+    pub submitted: u64,
+    /// Revisions that were shown.
+    pub shown: u64,
+    /// Revisions that a later one overtook before any frame showed them.
+    pub superseded: u64,
+    /// Revisions that a node could not show.
+    pub refused: u64,
+    /// Of the shown ones, those that at least one member had not prepared.
+    pub unprepared: u64,
+    /// Of the shown ones, those after which no frame was seen in which nothing was missing on any node.
+    pub unconverged: u64,
+    /// Microseconds from the submission of a change to the moment at which the last node presented the
+    /// first frame that shows it or a later change and that every node presented. A node that has been
+    /// silent for 256 frames is not waited for.
+    pub to_shown_us: QuantilesAndMax,
+    /// The same to the first such frame in which nothing was missing on any node.
+    pub to_converged_us: QuantilesAndMax,
 }
 
 /// What the nodes' tile caches did, together.

@@ -1,9 +1,18 @@
-//! What is shown: planet, camera, layers, light, air and mesh.
-//! In: TOML text. Out: a validated [`Scene`], or an error that names file, line, value and remedy.
+//! What is shown: planet, camera, layers, lenses, light, air and mesh.
+//! In: TOML text or JSON. Out: a validated [`Scene`], its JSON, or an error that names place, value and remedy.
 //! It opens no file; credentials have no place in it, because it is sent to every node.
 
+mod assignment;
 mod check;
+mod fields;
+mod json;
+mod keys;
+mod layer;
+mod lens;
+mod process;
+mod ramps;
 mod raw;
+mod slot;
 
 use std::path::Path;
 
@@ -13,11 +22,23 @@ use serde::{Deserialize, Serialize};
 use crate::camera::Camera;
 use crate::config::{ConfigError, Document, Problem};
 
+pub use assignment::AssignmentError;
+pub use layer::{Blend, Fusion, Layer, LayerKind, LayerParameters};
+pub use lens::{Lens, LensLayer};
+pub use process::{
+    Aspect, Elevation, Hillshade, Imagery, Isolines, Process, Ramp, RampName, RampStop, Sar,
+    SarMapping, Slope,
+};
+
 /// Why a scene was refused.
 pub type SceneError = ConfigError;
 
-/// Most layers a scene may have.
-pub const MAX_LAYERS: usize = 64;
+/// Most elevation layers of a scene: as many as are fused at once.
+pub const MAX_ELEVATION_LAYERS: usize = 8;
+/// Most layers of all other kinds together: as many colours as are fused at once.
+pub const MAX_COLOUR_LAYERS: usize = 8;
+/// Most lenses of a scene.
+pub const MAX_LENSES: usize = 8;
 /// Most keyframes of a camera path.
 pub const MAX_KEYFRAMES: usize = 4096;
 
@@ -28,34 +49,16 @@ pub struct Scene {
     pub planet: Ellipsoid,
     /// Where the viewer is, over time.
     pub camera: Camera,
-    /// The data, at most 64 layers. A renderer may draw fewer of a kind, and then says so.
+    /// What is shown of the surface, sorted by name: at most 8 layers of elevation and 8 of all other kinds.
     pub layers: Vec<Layer>,
+    /// Where other parameters hold, sorted by name, at most 8.
+    pub lenses: Vec<Lens>,
     /// How the surface is lit.
     pub light: Light,
     /// The air around the planet.
     pub atmosphere: Atmosphere,
     /// How finely the surface is drawn.
     pub mesh: MeshOptions,
-}
-
-/// One data set of the scene.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Layer {
-    /// Unique among the layers.
-    pub name: String,
-    /// What its samples mean.
-    pub kind: LayerKind,
-    /// Directory of the repository. [`Scene::resolve`] makes it relative to the scene's own place.
-    pub repository: String,
-}
-
-/// What the samples of a layer mean.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
-pub enum LayerKind {
-    /// Heights above the ellipsoid.
-    Elevation,
-    /// Colours.
-    Imagery,
 }
 
 /// How the surface is lit.
@@ -153,12 +156,7 @@ impl Scene {
     /// # Errors
     /// The first thing that is wrong, with its line and column and what to write instead.
     pub fn parse(text: &str, origin: &str) -> Result<Self, SceneError> {
-        let document = Document::parse(text, origin)?;
-        let scene = raw::read(&document)?;
-        scene
-            .check()
-            .map_err(|problem| document.error_at(problem))?;
-        Ok(scene)
+        Self::read(&Document::parse(text, origin)?)
     }
 
     /// Checks a scene that did not come from [`Scene::parse`], for example one from the wire.
@@ -169,6 +167,14 @@ impl Scene {
         self.check().map_err(Problem::without_origin)
     }
 
+    fn read(document: &Document<'_>) -> Result<Self, SceneError> {
+        let scene = raw::read(document)?;
+        scene
+            .check()
+            .map_err(|problem| document.error_at(problem))?;
+        Ok(scene)
+    }
+
     /// The scene with the repositories' relative paths taken from `base_directory`, usually the
     /// directory of the scene file. Absolute paths and URLs stay as they are.
     ///
@@ -176,11 +182,14 @@ impl Scene {
     /// A path that is not valid UTF-8.
     pub fn resolve(mut self, base_directory: &Path) -> Result<Self, ResolveError> {
         for layer in &mut self.layers {
-            if layer.repository.contains("://") {
+            let Some(repository) = &mut layer.repository else {
+                continue;
+            };
+            if repository.contains("://") {
                 continue;
             }
-            let path = base_directory.join(&layer.repository).into_os_string();
-            layer.repository = path.into_string().map_err(|path| ResolveError {
+            let path = base_directory.join(&*repository).into_os_string();
+            *repository = path.into_string().map_err(|path| ResolveError {
                 layer: layer.name.clone(),
                 path: path.to_string_lossy().into_owned(),
             })?;

@@ -10,7 +10,6 @@ use serde::{Deserialize, Serialize};
 
 use crate::config::{ConfigError, Document, Problem};
 
-pub(crate) use check::check_names;
 pub use geometry::{CanvasPiece, EyeToScreen, PixelDensity};
 
 /// Why a wall was refused.
@@ -150,7 +149,7 @@ pub struct CacheBudgets {
 impl Default for CacheBudgets {
     fn default() -> Self {
         Self {
-            gpu_mib: 512,
+            gpu_mib: 1024,
             ram_mib: 1024,
             disk_mib: 4096,
             directory: None,

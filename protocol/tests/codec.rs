@@ -5,6 +5,9 @@
     reason = "a test that panics has failed"
 )]
 
+#[path = "codec/changes.rs"]
+mod changes;
+
 use proptest::prelude::*;
 use protocol::capture::CaptureRows;
 use protocol::codec::{
@@ -12,7 +15,8 @@ use protocol::codec::{
     decode_to_node, decode_view, encode_to_master, encode_to_node, encode_view,
 };
 use protocol::message::{
-    HeldKeys, Hello, PROTOCOL_VERSION, Presented, Steer, Swap, TileCounters, ToMaster, ToNode, View,
+    HeldKeys, Hello, MoveLens, PROTOCOL_VERSION, Presented, Steer, Swap, TileCounters, ToMaster,
+    ToNode, View,
 };
 use protocol::{Pose, Scene, Wall};
 
@@ -49,7 +53,7 @@ fn view(heads: usize) -> View {
 fn a_view_has_these_bytes() {
     // Laid out by hand: version; unsigned integers below 251 as one byte, else 251 and 16 bits, 252 and
     // 32 bits or 253 and 64 bits; signed ones as 2n or −2n−1; floats as 64 bits; little endian.
-    let mut golden = vec![1, 3, 251];
+    let mut golden = vec![2, 3, 251];
     golden.extend(1000_u16.to_le_bytes());
     golden.extend([1, 9]);
     let components = [
@@ -92,7 +96,7 @@ fn control_messages_have_these_bytes() {
         frame: 2,
         present_at_us: 3,
     });
-    assert_eq!(encode_to_node(&swap).unwrap(), [1, 4, 1, 2, 6]);
+    assert_eq!(encode_to_node(&swap).unwrap(), [2, 4, 1, 2, 6]);
     let ready = ToMaster::Ready {
         epoch: 1,
         frame: 300,
@@ -101,13 +105,13 @@ fn control_messages_have_these_bytes() {
     };
     assert_eq!(
         encode_to_master(&ready).unwrap(),
-        [1, 2, 1, 251, 44, 1, 1, 7]
+        [2, 2, 1, 251, 44, 1, 1, 7]
     );
     let ping = ToMaster::ClockPing {
         sequence: 9,
         node_sent_us: -1,
     };
-    assert_eq!(encode_to_master(&ping).unwrap(), [1, 1, 9, 1]);
+    assert_eq!(encode_to_master(&ping).unwrap(), [2, 1, 9, 1]);
 }
 
 #[test]
@@ -248,6 +252,16 @@ fn messages_to_master() -> Vec<ToMaster> {
         ToMaster::Bye {
             reason: "the window was closed".into(),
         },
+        ToMaster::Prepared { revision: 7 },
+        ToMaster::CannotPrepare {
+            revision: 8,
+            reason: "layer \"relief\": no repository at /data/relief".into(),
+        },
+        ToMaster::MoveLens(MoveLens {
+            latitude_deg: -90.0,
+            longitude_deg: 180.0,
+            grab: true,
+        }),
     ]
 }
 
@@ -281,15 +295,15 @@ fn caps_hold_both_ways() {
     };
     assert!(encode_to_master(&ToMaster::CaptureRows(rows)).is_err());
     assert!(matches!(
-        decode_to_master(&vec![1; MAX_LARGE_BYTES + 1]),
+        decode_to_master(&vec![2; MAX_LARGE_BYTES + 1]),
         Err(DecodeError::TooLarge { .. })
     ));
     assert!(matches!(
-        decode_view(&[1; MAX_VIEW_BYTES + 1]),
+        decode_view(&[2; MAX_VIEW_BYTES + 1]),
         Err(DecodeError::TooLarge { .. })
     ));
     // A small message may not be padded to a large one by a long text.
-    let mut long = vec![1, 8, 252];
+    let mut long = vec![2, 8, 252];
     long.extend(100_000_u32.to_le_bytes());
     long.extend(std::iter::repeat_n(b'x', 100_000));
     assert!(matches!(
@@ -317,13 +331,13 @@ fn other_versions_and_extra_bytes_are_told_apart() {
     bytes.push(0);
     assert!(matches!(decode_view(&bytes), Err(DecodeError::Trailing(1))));
     bytes.pop();
-    bytes[0] = 2;
+    bytes[0] = 1;
     let error = decode_view(&bytes).unwrap_err();
     assert!(matches!(
         error,
         DecodeError::Version {
-            found: 2,
-            expected: 1
+            found: 1,
+            expected: 2
         }
     ));
     assert!(error.to_string().contains("same version"));
@@ -340,10 +354,11 @@ fn lengths_that_lie_take_no_memory() {
     };
     let view_start = &encode_view(&view(0)).unwrap()[..1 + 1 + 3 + 1 + 1 + 96];
     assert!(decode_view(&huge(view_start)).is_err());
-    assert!(decode_to_master(&huge(&[1, 8])).is_err());
-    assert!(decode_to_master(&huge(&[1, 7, 0, 0, 0, 0, 0])).is_err());
-    assert!(decode_to_master(&huge(&[1, 4, 0, 0, 0])).is_err());
-    assert!(decode_to_node(&huge(&[1, 1, 0])).is_err());
+    assert!(decode_to_master(&huge(&[2, 8])).is_err());
+    assert!(decode_to_master(&huge(&[2, 7, 0, 0, 0, 0, 0])).is_err());
+    assert!(decode_to_master(&huge(&[2, 4, 0, 0, 0])).is_err());
+    assert!(decode_to_master(&huge(&[2, 12, 5])).is_err());
+    assert!(decode_to_node(&huge(&[2, 1, 0])).is_err());
 }
 
 #[test]
@@ -396,7 +411,7 @@ proptest! {
     fn random_bytes_never_panic(mut bytes in prop::collection::vec(any::<u8>(), 0..600)) {
         decode_all(&bytes);
         if let Some(version) = bytes.first_mut() {
-            *version = 1;
+            *version = 2;
         }
         decode_all(&bytes);
     }

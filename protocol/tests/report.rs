@@ -6,6 +6,9 @@
     reason = "a test that panics has failed"
 )]
 
+#[path = "report/changes.rs"]
+mod changes;
+
 use protocol::capture::{CaptureAssembly, CaptureError, MAX_ROW_BYTES, split_rows};
 use protocol::membership::Membership;
 use protocol::message::{Hello, PROTOCOL_VERSION, Presented, TileCounters};
@@ -60,6 +63,14 @@ fn the_report_has_the_keys_that_tools_read() {
     let mut recorder = Recorder::new(&wall());
     recorder.view(210);
     recorder.scene(999);
+    // Frame 7 is presented from 140,000 to 140,300 µs.
+    for revision in 2..=5 {
+        recorder.change_submitted(revision, 90_000 + revision as i64 * 10_000);
+    }
+    recorder.change_shown(2, 7, 1, 120_000);
+    recorder.change_superseded(3);
+    recorder.change_refused(5);
+    recorder.change_shown(4, 7, 0, 130_000);
     for frame in 1..=100_u64 {
         for node in 0..4 {
             recorder.presented(
@@ -98,6 +109,19 @@ fn the_report_has_the_keys_that_tools_read() {
         ("/tiles/repository_reads", 4.0),
         ("/tiles/disk_hits", 10.0),
         ("/tiles/ram_hits", 14.0),
+        ("/missed_deadlines", 0.0),
+        ("/changes/submitted", 4.0),
+        ("/changes/shown", 2.0),
+        ("/changes/superseded", 1.0),
+        ("/changes/refused", 1.0),
+        ("/changes/unprepared", 1.0),
+        ("/changes/unconverged", 0.0),
+        ("/changes/to_shown_us/p50", 10_300.0),
+        ("/changes/to_shown_us/p99", 30_300.0),
+        ("/changes/to_shown_us/max", 30_300.0),
+        ("/changes/to_converged_us/p50", 10_300.0),
+        ("/changes/to_converged_us/p99", 30_300.0),
+        ("/changes/to_converged_us/max", 30_300.0),
         ("/nodes/3/frames", 1.0),
         ("/nodes/3/missed_deadlines", 0.0),
         ("/nodes/3/joins", 1.0),

@@ -24,13 +24,13 @@ fn every_shipped_scene_is_valid() {
             scene
                 .layers
                 .iter()
-                .any(|layer| layer.kind == LayerKind::Elevation)
+                .any(|layer| layer.kind() == LayerKind::Elevation)
         );
         assert!(
             scene
                 .layers
                 .iter()
-                .any(|layer| layer.kind == LayerKind::Imagery)
+                .any(|layer| layer.kind() == LayerKind::Imagery)
         );
         names.push(path.file_stem().unwrap().to_string_lossy().into_owned());
     }
@@ -58,7 +58,7 @@ fn the_demo_flies_for_four_seconds_or_more_and_rests_over_the_whole_earth() {
 
 #[test]
 fn each_fault_names_place_key_and_remedy() {
-    use Fault::{Geometry, MissingKey, Name, OutOfRange, UnknownKey, WrongType};
+    use Fault::{Geometry, MissingKey, Name, OutOfRange, Syntax, UnknownKey, WrongType};
     let second = "time_s = 2.5";
     let cases: &[(&str, &str, Fault, &str, &str)] = &[
         ("\"earth\"", "\"erde\"", OutOfRange, "planet", "\"moon\""),
@@ -147,24 +147,25 @@ fn each_fault_names_place_key_and_remedy() {
             "true or false",
         ),
         (
-            "name = \"colours\"",
-            "name = \"relief\"",
+            "[layers.colours]",
+            "[layers.\"the colours\"]",
             Name,
-            "layers[1].name",
-            "already",
+            "layers.\"the colours\"",
+            "letters",
         ),
+        ("[layers.colours]", "[[layers]]", Syntax, "", "not TOML"),
         (
             "kind = \"imagery\"",
             "kind = \"image\"",
             OutOfRange,
-            "layers[1].kind",
+            "layers.colours.kind",
             "\"imagery\"",
         ),
         (
             "\"../../out/data/imagery\"",
             "\"\"",
             OutOfRange,
-            "layers[1].repository",
+            "layers.colours.repository",
             "terrawall import",
         ),
         (
@@ -211,7 +212,7 @@ fn each_fault_names_place_key_and_remedy() {
 fn optional_parts_have_defaults_and_all_forms_are_read() {
     let text = r#"
         planet = { semi_major_m = 1_000_000, semi_minor_m = 990e3 }
-        layers = []
+        layers = {}
         [camera]
         mode = "orbit"
         place = { latitude_deg = 0, longitude_deg = 0, altitude_m = 1e6, pitch_deg = -90 }
@@ -257,8 +258,11 @@ fn repositories_are_resolved_from_the_scene_file() {
         .resolve(Path::new("/wall/configs/scenes"))
         .unwrap();
     assert_eq!(
-        scene.layers[0].repository,
-        "/wall/configs/scenes/../../out/data/elevation"
+        scene.layers[1].repository.as_deref(),
+        Some("/wall/configs/scenes/../../out/data/elevation")
     );
-    assert_eq!(scene.layers[1].repository, "https://example.org/imagery");
+    assert_eq!(
+        scene.layers[0].repository.as_deref(),
+        Some("https://example.org/imagery")
+    );
 }

@@ -3,8 +3,32 @@
 
 use bytemuck::{Pod, Zeroable};
 
-/// A height that is not there, in the buffer that the relief stage reads.
-pub const INVALID_HEIGHT: i32 = i32::MIN;
+mod fuse;
+mod process;
+
+pub use fuse::{Blend, FuseInput, FuseUniform, LensUniform, SurfaceUniform};
+pub use process::{
+    AspectUniform, ElevationUniform, HillshadeUniform, ImageryUniform, IsolinesUniform,
+    RampUniform, ReliefUniform, ResampleUniform, SampleForm, SarUniform, SlopeUniform,
+    TileGeometry,
+};
+
+/// Texels along a side of a slot: a tile's nodes −9…265. Node (i, j) is texel (i + 9, j + 9).
+pub const SLOT_SIDE: u32 = 275;
+/// Texels along a side of a relief or surface layer: nodes −1…257. Node (i, j) is texel (i + 1, j + 1).
+pub const LAYER_SIDE: u32 = 259;
+/// A height or amplitude that is not there. It is compared as a word, never as a float.
+pub const INVALID_WORD: u32 = 0xFFFF_FFFF;
+
+/// The word of a raw colour: 10 bits each of red (lowest), green and blue, 0…1023, marked as valid. Larger
+/// numbers are cut to 1023. A hole is the word 0.
+#[must_use]
+pub const fn raw_colour(red: u32, green: u32, blue: u32) -> u32 {
+    const fn ten_bits(value: u32) -> u32 {
+        if value > 1023 { 1023 } else { value }
+    }
+    ten_bits(red) | ten_bits(green) << 10 | ten_bits(blue) << 20 | 3 << 30
+}
 
 /// What a whole block of pixels has in common: `Frame` in draw/terrain.wgsl and draw/atmosphere.wgsl.
 #[repr(C)]
@@ -42,24 +66,4 @@ pub struct TileRecord {
     pub relief: [f32; 4],
     /// Cube face, 0…5; three unused.
     pub face: [u32; 4],
-}
-
-/// One tile for the relief stage: `Relief` in process/relief.wgsl.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
-pub struct ReliefRecord {
-    /// Cell coordinates s, t of node (0, 0), 0…1.
-    pub origin: [f32; 2],
-    /// Cell coordinates from node to node.
-    pub step: f32,
-    /// Metres in a quantum of height.
-    pub quantum_m: f32,
-    /// The planet's mean radius in metres.
-    pub radius_m: f32,
-    /// Cube face, 0…5.
-    pub face: u32,
-    /// The layer to write.
-    pub layer: u32,
-    /// Where the tile's heights begin in the buffer, in words.
-    pub first: u32,
 }

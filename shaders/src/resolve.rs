@@ -20,13 +20,18 @@ pub enum ResolveError {
     },
 }
 
-const SHARED: [(&str, &str); 3] = [
+const SHARED: [(&str, &str); 8] = [
+    ("amplitude", include_str!("../wgsl/shared/amplitude.wgsl")),
+    ("colour", include_str!("../wgsl/shared/colour.wgsl")),
     ("cube", include_str!("../wgsl/shared/cube.wgsl")),
-    ("frame", include_str!("../wgsl/shared/frame.wgsl")),
     (
         "fixed_point",
         include_str!("../wgsl/shared/fixed_point.wgsl"),
     ),
+    ("frame", include_str!("../wgsl/shared/frame.wgsl")),
+    ("fusion", include_str!("../wgsl/shared/fusion.wgsl")),
+    ("slot", include_str!("../wgsl/shared/slot.wgsl")),
+    ("tangent", include_str!("../wgsl/shared/tangent.wgsl")),
 ];
 
 /// Writes out the imports of `text`. Shared modules import nothing themselves.

@@ -101,8 +101,8 @@ pub fn scene() -> String {
     format!(
         "[camera]\nmode = \"fixed\"\n\
          place = {{ latitude_deg = 10.0, longitude_deg = 15.0, altitude_m = 12e6, pitch_deg = -90.0 }}\n\n\
-         [[layers]]\nname = \"relief\"\nkind = \"elevation\"\nrepository = \"{0}/elevation\"\n\n\
-         [[layers]]\nname = \"colour\"\nkind = \"imagery\"\nrepository = \"{0}/imagery\"\n",
+         [layers.relief]\nkind = \"elevation\"\nrepository = \"{0}/elevation\"\n\n\
+         [layers.colour]\nkind = \"imagery\"\nrepository = \"{0}/imagery\"\n",
         data.display()
     )
 }

@@ -45,6 +45,8 @@ const CONFINED: &[(&str, &[&str])] = &[
     ("wgpu", &["render"]),
     ("anyhow", &["master", "node"]),
     ("clap", &["master"]),
+    ("axum", &["master"]),
+    ("ureq", &["master"]),
 ];
 
 fn metadata() -> Metadata {

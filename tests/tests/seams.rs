@@ -1,5 +1,6 @@
 //! No gap on any shared edge: the whole planet, as the five verification scenes select and mesh it on the
-//! demo wall from real data, is one closed surface. Every edge of every leaf is walked, cube corners too.
+//! demo wall from real data, is one closed surface, with the cliff of a lens below the viewer. Every edge of every leaf is
+//! walked, cube corners too.
 #![allow(
     clippy::unwrap_used,
     clippy::expect_used,
@@ -9,10 +10,10 @@
 use std::collections::HashMap;
 use std::sync::Arc;
 
-use geodesy::Tile;
+use geodesy::{Circle, Tile};
 use glam::DVec3;
 use protocol::{Scene, Wall};
-use terrain::{Lattice, LodLimits, LodView, Patch, Walker};
+use terrain::{ElevationLayer, Lattice, LodLimits, LodView, Patch, Walker};
 use tests::{data, sources};
 use tiles::{Repository, TileData};
 
@@ -35,7 +36,14 @@ fn the_surface_of_every_verification_scene_is_closed() {
     let index = elevation.load_index().unwrap();
     let wall = Wall::parse(&read("configs/walls/demo-2x2.toml"), "demo-2x2.toml").unwrap();
     let mut loaded: HashMap<Tile, Heights> = HashMap::new();
-    for name in ["globe", "limb", "mountains", "pole", "horizon"] {
+    let scenes = [
+        ("globe", 3e6),
+        ("limb", 2e6),
+        ("mountains", 2e4),
+        ("pole", 1e6),
+        ("horizon", 5e3),
+    ];
+    for (name, radius_m) in scenes {
         let file = format!("configs/scenes/verify-{name}.toml");
         let scene = Scene::parse(&read(&file), &file).unwrap();
         let pose = scene.camera.pose(&scene.planet, 0.0);
@@ -65,6 +73,9 @@ fn the_surface_of_every_verification_scene_is_closed() {
         }
         let patch = Patch::new(scene.mesh.refinement).unwrap();
         let data = |tile: Tile| loaded.get(&tile).map(|heights| heights as &dyn Lattice);
+        let below = scene.planet.to_geodetic(DVec3::from(pose.position_m));
+        let (latitude_deg, longitude_deg) = (below.latitude_deg, below.longitude_deg);
+        let lens = Circle::new(&scene.planet, latitude_deg, longitude_deg, radius_m).unwrap();
         let mut walker = Walker::default();
         let mut mixed = 0;
         for leaf in selection.leaves() {
@@ -77,16 +88,20 @@ fn the_surface_of_every_verification_scene_is_closed() {
                     .any(|c| *c != seams.levels.inside),
             );
             let mut vertices = Vec::new();
-            terrain::build(
-                &scene.planet,
-                *leaf,
-                &seams.levels,
-                &patch,
-                unit,
-                &data,
-                &mut vertices,
-            )
-            .unwrap();
+            let layers = [ElevationLayer {
+                levels: seams.levels,
+                data: &data,
+            }];
+            // As a lens changes heights: by geodetic normal and sample alone, with a cliff at its rim.
+            let fuse = |normal: DVec3, samples: &[Option<i32>]| {
+                let height_m = samples[0].map_or(0.0, |quanta| f64::from(quanta) * unit);
+                if lens.contains(normal) {
+                    3.0 * height_m + 2_000.0
+                } else {
+                    height_m
+                }
+            };
+            terrain::build(&scene.planet, *leaf, &layers, &patch, &fuse, &mut vertices).unwrap();
             walker.add(&vertices, &patch.indices[usize::from(seams.variant)]);
         }
         let walk = walker.finish();

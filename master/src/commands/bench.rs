@@ -55,7 +55,7 @@ fn measure_sync(args: &BenchSync) -> Result<Report, Failure> {
         frames: Some(frames),
         capture: false,
     };
-    let shown = local::run(&wall, &scene, run)?;
+    let shown = local::run(&wall, &scene, run, None)?;
     match shown.lost {
         _ if shown.outcome.stopped => Err(Failure::failed("interrupted")),
         Some(lost) => Err(Failure::failed(lost)),

@@ -155,7 +155,7 @@ pub(crate) fn measure(data: &Path, frames: u32) -> Result<Figures, Failure> {
     let globe = orbit(20.0, 12e6, 0.01);
     let near = orbit(45.0, 500e3, 0.003);
     bench.scene.camera = globe.clone();
-    bench.picture.set_scene(1, &bench.scene)?;
+    bench.picture.prepare_scene(1, &bench.scene)?;
     bench.settle()?;
     let cold_start_ms = start.elapsed().as_secs_f64() * 1e3;
     let views = vec![
@@ -277,13 +277,11 @@ fn scene(data: &Path) -> Result<Scene, Failure> {
 mode = \"fixed\"
 place = { latitude_deg = 0, longitude_deg = 0, altitude_m = 1e7, pitch_deg = -90 }
 
-[[layers]]
-name = \"relief\"
+[layers.relief]
 kind = \"elevation\"
 repository = \"elevation\"
 
-[[layers]]
-name = \"colour\"
+[layers.colour]
 kind = \"imagery\"
 repository = \"imagery\"
 ";

@@ -5,7 +5,7 @@
 
 use std::ffi::OsString;
 use std::net::{Ipv4Addr, SocketAddr};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::time::Duration;
 
 use anyhow::Context as _;
@@ -17,6 +17,7 @@ use protocol::{Scene, Wall};
 use crate::failure::Failure;
 use crate::interrupt;
 
+use super::control::Opening;
 use super::notices::Teller;
 
 /// How long nodes may take to leave when the run is over.
@@ -37,6 +38,14 @@ pub(crate) struct Run {
     pub(crate) capture: bool,
 }
 
+/// Who may change the scene while it is shown.
+pub(crate) struct Control<'p> {
+    /// Where.
+    pub(crate) opening: Opening,
+    /// The scene's file, beside which relative repositories lie.
+    pub(crate) scene_file: &'p Path,
+}
+
 /// What a run has given.
 pub(crate) struct Shown {
     /// The master's report and pictures.
@@ -45,8 +54,14 @@ pub(crate) struct Shown {
     pub(crate) lost: Option<Ended>,
 }
 
-/// Runs a wall: this process is the master, and every host becomes a process `terrawall node`.
-pub(crate) fn run(wall: &Wall, scene: &Scene, run: Run) -> Result<Shown, Failure> {
+/// Runs a wall: this process is the master, and every host becomes a process `terrawall node`. Without `control`
+/// nobody changes the scene.
+pub(crate) fn run(
+    wall: &Wall,
+    scene: &Scene,
+    run: Run,
+    control: Option<Control<'_>>,
+) -> Result<Shown, Failure> {
     check_repositories(scene)?;
     let program = std::env::current_exe().context("cannot find this program")?;
     let folder = tempfile::Builder::new()
@@ -60,7 +75,13 @@ pub(crate) fn run(wall: &Wall, scene: &Scene, run: Run) -> Result<Shown, Failure
     options.fps = run.fps;
     options.frames = run.frames;
     options.capture = run.capture;
+    if let Some(control) = &control {
+        control.opening.put_into(&mut options, control.scene_file)?;
+    }
     let master = Master::start(options)?;
+    if let Some(control) = &control {
+        control.opening.announce(&master);
+    }
     let mut children = Children::new();
     for host in &wall.hosts {
         children.start(&NodeLaunch {
@@ -157,8 +178,10 @@ fn environment(nodes: usize, folder: &Path) -> Vec<(OsString, OsString)> {
 /// On this machine all repositories can be looked at before anything starts.
 fn check_repositories(scene: &Scene) -> Result<(), Failure> {
     for layer in &scene.layers {
-        import::Dataset::load(&PathBuf::from(&layer.repository))
-            .with_context(|| format!("layer \"{}\"", layer.name))?;
+        if let Some(repository) = &layer.repository {
+            import::Dataset::load(Path::new(repository))
+                .with_context(|| format!("layer \"{}\"", layer.name))?;
+        }
     }
     Ok(())
 }

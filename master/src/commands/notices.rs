@@ -87,6 +87,19 @@ impl Teller {
             }
             Notice::Started { nodes, .. } => tracing::info!(nodes, "the wall is complete"),
             Notice::Progress { frame, .. } => self.bar.set_position(*frame),
+            Notice::ChangeShown {
+                revision,
+                unprepared,
+            } if unprepared.is_empty() => {
+                tracing::info!(revision, "a change is shown");
+            }
+            Notice::ChangeShown { unprepared, .. } => self.say_once(format!(
+                "a change of the scene is shown, although it is not ready on {}",
+                unprepared.join(", ")
+            )),
+            Notice::ChangeRefused { node, reason, .. } => self.say_once(format!(
+                "a change of the scene was refused: node \"{node}\": {reason}"
+            )),
             Notice::Settling { waits_for } => {
                 self.bar
                     .set_message(format!("waits for the picture: {}", waits_for.join("; ")));

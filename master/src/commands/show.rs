@@ -12,6 +12,7 @@ use crate::args::{Master, Show, Up};
 use crate::failure::{Failure, OrConfiguration as _};
 use crate::{interrupt, output};
 
+use super::control::Opening;
 use super::notices::Teller;
 use super::{files, local, pictures};
 
@@ -40,7 +41,11 @@ pub(crate) fn up(args: &Up) -> Result<(), Failure> {
         frames: show.frames,
         capture: show.capture.is_some(),
     };
-    let shown = local::run(&wall, &scene, run)?;
+    let control = local::Control {
+        opening: Opening::new(&show.control)?,
+        scene_file: &show.scene,
+    };
+    let shown = local::run(&wall, &scene, run, Some(control))?;
     finish(show, &wall, &shown.outcome)?;
     match shown.lost {
         Some(lost) if !shown.outcome.stopped => Err(Failure::failed(format!(
@@ -64,12 +69,15 @@ pub(crate) fn master(args: &Master) -> Result<(), Failure> {
     options.capture = show.capture.is_some();
     options.start_after = Some(Duration::from_secs_f64(args.wait));
     options.start_timeout = None;
+    let opening = Opening::new(&show.control)?;
+    opening.put_into(&mut options, &show.scene)?;
     let master = RunningMaster::start(options)?;
     eprintln!(
         "terrawall: the master of \"{}\" listens at {}",
         wall.name,
         master.address()
     );
+    opening.announce(&master);
     let mut teller = Teller::new(show.frames);
     let mut stopping = false;
     while !master.is_over() {

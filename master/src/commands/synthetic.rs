@@ -6,7 +6,7 @@ use std::fmt::Write as _;
 
 /// A bare Earth that turns under the viewer: nothing to load, something to draw.
 pub(crate) const SCENE: &str = "\
-layers = []
+layers = {}
 
 [camera]
 mode = \"orbit\"

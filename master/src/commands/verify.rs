@@ -106,7 +106,7 @@ fn picture(wall: &Wall, scene: &Scene) -> Result<Shown, anyhow::Error> {
         frames: Some(1),
         capture: true,
     };
-    let outcome = local::run(wall, scene, run)
+    let outcome = local::run(wall, scene, run, None)
         .map_err(Failure::into_error)?
         .outcome;
     if outcome.stopped {

@@ -1,5 +1,8 @@
 //! Whole walls of real processes for tests: nodes are this test program itself, run again with a name in
 //! the environment, and draw with a picture that burns processor time instead of a graphics device.
+//! In: walls, scenes, how to draw. Out: masters, node processes, what these presented. It judges nothing.
+
+mod fake;
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -12,9 +15,10 @@ use std::time::{Duration, Instant};
 
 use link::Identity;
 use master::{Master, MasterOptions, Notice};
-use node::{Drawn, NodeOptions, OutputImage, Picture, PictureError, PictureMaker, PictureRequest};
-use protocol::message::TileCounters;
-use protocol::{Scene, View, Wall};
+use node::NodeOptions;
+use protocol::{Scene, Wall};
+
+use fake::FakeMaker;
 
 const NODE: &str = "TERRAWALL_TEST_NODE";
 const MASTER: &str = "TERRAWALL_TEST_MASTER";
@@ -30,6 +34,10 @@ pub(crate) struct Drawing {
     pub(crate) drawings_to_converge: u32,
     /// Whether scenes can be shown at all.
     pub(crate) broken_scene: bool,
+    /// Drawings until a scene in preparation is prepared; `u32::MAX`: never.
+    pub(crate) drawings_to_prepare: u32,
+    /// Whether only the first scene can be shown.
+    pub(crate) refuses_changes: bool,
 }
 
 impl Default for Drawing {
@@ -38,6 +46,8 @@ impl Default for Drawing {
             burn_us: 1_500,
             drawings_to_converge: 5,
             broken_scene: false,
+            drawings_to_prepare: 2,
+            refuses_changes: false,
         }
     }
 }
@@ -74,7 +84,7 @@ pub(crate) fn wall(nodes: usize, fps: f64) -> Wall {
 
 /// A bare Earth that turns under the viewer.
 pub(crate) fn scene() -> Scene {
-    let text = "layers = []\n\n[camera]\nmode = \"orbit\"\n\
+    let text = "layers = {}\n\n[camera]\nmode = \"orbit\"\n\
          place = { latitude_deg = 20.0, longitude_deg = 10.0, altitude_m = 12e6, pitch_deg = -90.0 }\n\
          centre = { latitude_deg = 90.0, longitude_deg = 0.0 }\ndegrees_per_second = 10.0\n";
     Scene::parse(text, "test scene").unwrap()
@@ -91,6 +101,8 @@ pub(crate) fn be_a_node() {
         burn_us: get("BURN_US").parse().unwrap(),
         drawings_to_converge: get("CONVERGE").parse().unwrap(),
         broken_scene: get("BROKEN") == "true",
+        drawings_to_prepare: get("PREPARE").parse().unwrap(),
+        refuses_changes: get("REFUSES") == "true",
     };
     let log = std::env::var(format!("{NODE}_LOG")).ok().map(PathBuf::from);
     let options = NodeOptions {
@@ -101,7 +113,7 @@ pub(crate) fn be_a_node() {
         stop: Arc::new(|| false),
         status: Arc::new(|_| {}),
     };
-    let result = node::run(options, |_| Ok(Box::new(FakeMaker { drawing, log })));
+    let result = node::run(options, |_| Ok(Box::new(FakeMaker::new(drawing, log))));
     if let Err(error) = &result {
         eprintln!("{error}");
     }
@@ -113,7 +125,8 @@ pub(crate) struct Nodes {
     pub(crate) master: SocketAddr,
     pub(crate) identity: PathBuf,
     pub(crate) drawing: Drawing,
-    /// Where each node writes when it presented, in a file of its name.
+    /// Where each node writes what it presented when it ends well, in a file of its name: see
+    /// [`presentations`].
     pub(crate) log: Option<PathBuf>,
     running: BTreeMap<String, Child>,
 }
@@ -144,6 +157,14 @@ impl Nodes {
             .env(
                 format!("{NODE}_BROKEN"),
                 self.drawing.broken_scene.to_string(),
+            )
+            .env(
+                format!("{NODE}_PREPARE"),
+                self.drawing.drawings_to_prepare.to_string(),
+            )
+            .env(
+                format!("{NODE}_REFUSES"),
+                self.drawing.refuses_changes.to_string(),
             )
             .envs(
                 self.log
@@ -307,19 +328,48 @@ pub(crate) fn wait_for_start(master: &Master) {
     });
 }
 
+/// One presentation of one node.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct Presentation {
+    pub(crate) node: String,
+    pub(crate) frame: u64,
+    /// On the clock of this host, which all processes read.
+    pub(crate) moment_us: i64,
+    /// The revision of the view that was drawn.
+    pub(crate) revision: u64,
+    /// Stands for all that the drawn scene holds: the same for equal scenes, and in all likelihood for no others.
+    pub(crate) content: u64,
+}
+
+/// Everything that nodes have presented, as their logs say, which they write when they end well.
+pub(crate) fn presentations(log: &Path) -> Vec<Presentation> {
+    let mut presentations = Vec::new();
+    for file in std::fs::read_dir(log).unwrap() {
+        let path = file.unwrap().path();
+        let node = path.file_name().unwrap().to_str().unwrap();
+        for line in std::fs::read_to_string(&path).unwrap().lines() {
+            let mut words = line.split(' ');
+            let mut word = || words.next().unwrap();
+            presentations.push(Presentation {
+                node: node.to_owned(),
+                frame: word().parse().unwrap(),
+                moment_us: word().parse().unwrap(),
+                revision: word().parse().unwrap(),
+                content: u64::from_str_radix(word(), 16).unwrap(),
+            });
+        }
+    }
+    presentations
+}
+
 /// Spread of the nodes' presentations, frame by frame, on the clock of this host, which all processes read.
 /// Unlike the report's it does not depend on any estimate of a clock. Sorted.
 pub(crate) fn true_skews_us(log: &Path) -> Vec<i64> {
+    let nodes = std::fs::read_dir(log).unwrap().count();
     let mut frames = BTreeMap::<u64, Vec<i64>>::new();
-    let mut nodes = 0;
-    for file in std::fs::read_dir(log).unwrap() {
-        nodes += 1;
-        let text = std::fs::read_to_string(file.unwrap().path()).unwrap();
-        for line in text.lines() {
-            let (frame, moment_us) = line.split_once(' ').unwrap();
-            let moments_us = frames.entry(frame.parse().unwrap()).or_default();
-            moments_us.push(moment_us.parse().unwrap());
-        }
+    for presentation in presentations(log) {
+        let moments_us = frames.entry(presentation.frame).or_default();
+        moments_us.push(presentation.moment_us);
     }
     let complete = frames
         .into_values()
@@ -328,137 +378,4 @@ pub(crate) fn true_skews_us(log: &Path) -> Vec<i64> {
     let mut skews_us: Vec<i64> = complete.map(spread).collect();
     skews_us.sort_unstable();
     skews_us
-}
-
-struct FakeMaker {
-    drawing: Drawing,
-    log: Option<PathBuf>,
-}
-
-impl PictureMaker for FakeMaker {
-    fn adapter(&self) -> String {
-        "a picture that burns time".to_owned()
-    }
-
-    fn make(&mut self, request: PictureRequest<'_>) -> Result<Box<dyn Picture>, PictureError> {
-        let host = &request.wall.hosts[request.host];
-        let names = host
-            .outputs
-            .iter()
-            .map(|output| (output.name.clone(), output.size_px));
-        Ok(Box::new(FakePicture {
-            drawing: self.drawing,
-            log: self.log.clone(),
-            presented: String::new(),
-            outputs: names.collect(),
-            shade: request.host as u8,
-            last: None,
-            drawings: 0,
-        }))
-    }
-}
-
-struct FakePicture {
-    drawing: Drawing,
-    log: Option<PathBuf>,
-    presented: String,
-    outputs: Vec<(String, [u32; 2])>,
-    shade: u8,
-    last: Option<View>,
-    drawings: u32,
-}
-
-impl Picture for FakePicture {
-    fn set_scene(&mut self, _: u64, _: &Scene) -> Result<(), PictureError> {
-        if self.drawing.broken_scene {
-            return Err(PictureError::Scene(
-                "layer \"relief\": no repository".to_owned(),
-            ));
-        }
-        Ok(())
-    }
-
-    fn draw(&mut self, view: &View) -> Result<Drawn, PictureError> {
-        let same = self
-            .last
-            .as_ref()
-            .is_some_and(|last| last.pose == view.pose);
-        self.drawings = if same { self.drawings + 1 } else { 1 };
-        let converged = self.drawings >= self.drawing.drawings_to_converge;
-        let redrawn = self.drawings <= self.drawing.drawings_to_converge;
-        if redrawn {
-            burn(self.drawing.burn_us);
-        }
-        self.last = Some(view.clone());
-        let pending_tiles = self
-            .drawing
-            .drawings_to_converge
-            .saturating_sub(self.drawings);
-        Ok(Drawn {
-            redrawn,
-            converged,
-            pending_tiles,
-            triangles: 1,
-        })
-    }
-
-    fn present(&mut self) -> Result<(), PictureError> {
-        let now_us = link::now_us();
-        if let (Some(_), Some(view)) = (&self.log, &self.last) {
-            writeln!(self.presented, "{} {now_us}", view.frame).unwrap();
-        }
-        Ok(())
-    }
-
-    fn capture(&mut self) -> Result<Vec<OutputImage>, PictureError> {
-        let longitude = self
-            .last
-            .as_ref()
-            .map_or(0.0, |view| view.pose.position_m[1]);
-        let image = |(output, [width, height]): &(String, [u32; 2])| OutputImage {
-            output: output.clone(),
-            width: *width,
-            height: *height,
-            rgba: [self.shade, (longitude / 1e5) as i32 as u8, 7, 255]
-                .repeat((width * height) as usize),
-        };
-        Ok(self.outputs.iter().map(image).collect())
-    }
-
-    fn counters(&self) -> TileCounters {
-        TileCounters {
-            distinct: 3,
-            repository_reads: 3,
-            ..TileCounters::default()
-        }
-    }
-
-    fn take_new_tiles(&mut self, _: usize) -> Vec<u64> {
-        if self.drawings == 1 {
-            vec![1, 2, 3]
-        } else {
-            Vec::new()
-        }
-    }
-}
-
-impl Drop for FakePicture {
-    fn drop(&mut self) {
-        if let Some(log) = &self.log {
-            std::fs::write(log, &self.presented).unwrap();
-        }
-    }
-}
-
-/// Keeps a processor busy for so long; the time while others run does not count.
-fn burn(burn_us: u64) {
-    use rustix::time::{ClockId, clock_gettime};
-    let used_us = || {
-        let time = clock_gettime(ClockId::ThreadCPUTime);
-        (time.tv_sec * 1_000_000 + time.tv_nsec / 1_000).unsigned_abs()
-    };
-    let start_us = used_us();
-    while used_us() - start_us < burn_us {
-        std::hint::spin_loop();
-    }
 }

@@ -76,6 +76,16 @@ pub struct Block {
 }
 
 impl PlanarScreen {
+    /// The direction in room axes from the eye through a place on the canvas, in pixels, y down. Not of unit length.
+    #[must_use]
+    pub fn ray_through(&self, canvas_px: [f64; 2]) -> DVec3 {
+        let [x, y] = canvas_px;
+        let share = |pixels: f64, of: u32| pixels / f64::from(of.max(1));
+        let right = self.right * (self.size_m[0] * share(x, self.size_px[0]));
+        let up = self.up * (self.size_m[1] * (1.0 - share(y, self.size_px[1])));
+        self.lower_left_m + right + up
+    }
+
     /// The blocks that meet `wanted` (in canvas pixels). `room` holds the room's x, y and z axes in ECEF
     /// as columns.
     #[must_use]

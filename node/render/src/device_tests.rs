@@ -1,5 +1,4 @@
-//! Tests that need a device: every compute stage against its CPU twin, the vertex stage against f64, and
-//! tiled against single pictures. Without an adapter they say so and pass, unless `REQUIRE_GPU=1`.
+//! Tests that need a device: the vertex stage against f64, from space down to the ground. Without an adapter they say so and pass, unless `REQUIRE_GPU=1`.
 #![allow(
     clippy::unwrap_used,
     clippy::print_stderr,
@@ -8,15 +7,13 @@
 
 use std::sync::mpsc;
 
+use geodesy::Ellipsoid;
 use geodesy::frame::FixedPoint;
-use geodesy::{Ellipsoid, Tile};
 use glam::{DMat3, DVec3, Vec3};
-use shaders::Stage;
 use wgpu::util::DeviceExt as _;
 
 use crate::canvas::{PixelRect, PlanarScreen};
 use crate::gpu::{Gpu, GpuError};
-use crate::textures::relief_record;
 
 /// A device, or `None` with a loud word where there is none and none is required.
 pub(crate) fn device() -> Option<Gpu> {
@@ -109,71 +106,6 @@ fn run_words(
     gpu.wait().unwrap();
     receiver.recv().unwrap().unwrap();
     bytemuck::pod_collect_to_vec(&read.slice(..).get_mapped_range().unwrap())
-}
-
-/// The relief stage with its texture store replaced by a buffer, so that its texels can be read exactly.
-fn relief_to_buffer() -> String {
-    let source = Stage::Relief.source().unwrap();
-    let stored = "textureStore(relief_layers, vec2<u32>(id.x, id.y), tile.layer, texel);";
-    let declared =
-        "@group(0) @binding(2) var relief_layers: texture_storage_2d_array<rgba8snorm, write>;";
-    assert!(source.contains(stored) && source.contains(declared));
-    source
-        .replace(
-            stored,
-            "texels[id.y * OUT_NODES + id.x] = pack4x8snorm(texel);",
-        )
-        .replace(
-            declared,
-            "@group(0) @binding(2) var<storage, read_write> texels: array<u32>;",
-        )
-}
-
-/// Heights with ridges, cliffs and holes.
-fn rough_heights(seed: u32) -> Vec<i32> {
-    let mut state = seed.wrapping_mul(747_796_405).wrapping_add(1);
-    (0..275_i32 * 275)
-        .map(|node| {
-            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-            let (i, j) = (node % 275, node / 275);
-            let cliff = if i > 140 { 40_000 } else { 0 };
-            let wave = (f64::from(i * i + 3 * j * j) / 900.0).sin() * 9000.0;
-            match state >> 24 {
-                0 => shaders::INVALID_HEIGHT,
-                noise => wave as i32 + cliff + noise as i32,
-            }
-        })
-        .collect()
-}
-
-#[test]
-fn relief_on_the_device_is_the_twin_s_within_one_step() {
-    let Some(gpu) = device() else { return };
-    let source = relief_to_buffer();
-    for (seed, tile) in [
-        (1, "0/0/0/0"),
-        (2, "2/3/7/0"),
-        (3, "4/9/311/17"),
-        (4, "5/14/9000/16383"),
-    ] {
-        let tile: Tile = tile.parse().unwrap();
-        let heights = rough_heights(seed);
-        let record = relief_record(&Ellipsoid::EARTH, tile, 1.0 / 16.0, 0, 0);
-        let twin = shaders::cpu::relief::run(&record, &heights);
-        let side = shaders::cpu::relief::OUT_NODES as u32;
-        let buffers = [bytemuck::cast_slice(&heights), bytemuck::bytes_of(&record)];
-        let groups = [side.div_ceil(8), side.div_ceil(8), 1];
-        let words = run_words(&gpu, &source, &buffers, u64::from(side * side) * 4, groups);
-        // Device and twin may round differently in the last bits of f32, which can tip a byte.
-        let mut largest = 0;
-        for (word, twin) in words.iter().zip(&twin) {
-            let texel = word.to_le_bytes().map(|byte| byte as i8);
-            for part in 0..2 {
-                largest = largest.max((i32::from(texel[part]) - i32::from(twin[part])).abs());
-            }
-        }
-        assert!(largest <= 1, "{tile}: {largest} steps of 1/127");
-    }
 }
 
 const POSITION_PROBE: &str = "

@@ -21,6 +21,32 @@ pub enum RenderError {
         /// What is wrong with it.
         reason: String,
     },
+    /// A lens that is no circle on the planet.
+    #[error("lens \"{lens}\": {reason}")]
+    Lens {
+        /// The lens's name in the scene.
+        lens: String,
+        /// What is wrong with it.
+        reason: String,
+    },
+    /// More layers than are fused.
+    #[error(
+        "{count} {what} layers are visible at once; at most {most} can be fused: set the weight of some to 0"
+    )]
+    TooManyLayers {
+        /// "elevation" or "other".
+        what: &'static str,
+        /// How many there are.
+        count: usize,
+        /// How many there may be.
+        most: usize,
+    },
+    /// A view of a scene that was not given before.
+    #[error("a view of scene revision {revision} came before its scene")]
+    UnknownScene {
+        /// The revision.
+        revision: u64,
+    },
     /// An output is larger than the device can draw.
     #[error(
         "output \"{output}\" is {width}×{height} pixels; this graphics adapter draws at most {most} a side: split it into several outputs"

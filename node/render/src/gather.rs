@@ -10,15 +10,20 @@ use geodesy::frame::scalar_f32;
 use geodesy::{Horizon, Tile};
 use glam::DVec3;
 use shaders::TileRecord;
-use terrain::{Frustum, Lattice, LodLimits, LodView, Selection};
+use terrain::{ElevationLayer, Frustum, Lattice, LodLimits, LodView, Selection};
 use tiles::{DatasetId, Lookup, TileCache};
 
+use crate::error::RenderError;
 use crate::gpu::Gpu;
+use crate::heights::{VertexHeights, heights_content};
 use crate::layers::LAYER_SIDE;
+use crate::loaded::LoadedScene;
 use crate::meshes::{MeshDraw, MeshRequest, Meshes};
+use crate::process::Processor;
+use crate::ranges::Ranges;
 use crate::renderer::{FrameStatistics, PlannedBlock, ViewPoint};
-use crate::scene::{Heights, Layer, LoadedScene};
-use crate::textures::{RELIEF_BATCH, ReliefJob, SurfaceTextures};
+use crate::source::{Heights, Source};
+use crate::textures::SurfaceTextures;
 
 /// The patches of one block.
 #[derive(Debug, PartialEq)]
@@ -30,6 +35,15 @@ pub(crate) struct BlockDraws {
 
 /// Leaves over the whole planet that one selection may have.
 const MOST_LEAVES: usize = 32_768;
+
+/// How much may be visible to one eye.
+#[derive(Clone, Copy)]
+struct Most {
+    /// Leaves, for their meshes.
+    leaves: usize,
+    /// Tiles of fused heights or of fused colours.
+    tiles: usize,
+}
 
 /// What an eye sees: leaves of the planet, those visible in each block, and in any.
 struct Sight {
@@ -49,13 +63,20 @@ pub(crate) struct Gather<'a> {
     pub(crate) gpu: &'a Gpu,
     pub(crate) cache: &'a TileCache,
     pub(crate) textures: &'a mut SurfaceTextures,
+    pub(crate) processor: &'a mut Processor,
     pub(crate) meshes: &'a mut Meshes,
     pub(crate) scene: &'a LoadedScene,
+    /// Another scene is shown or prepared beside this one, and needs as much room.
+    pub(crate) shares: bool,
     pub(crate) frame: u64,
     pub(crate) upload_until: Instant,
     pub(crate) wants: Vec<(DatasetId, Tile, f32)>,
     /// Wanted tiles that can be expected; those that failed to load are tried again, but not waited for.
-    pub(crate) pending: u32,
+    pub(crate) pending: HashSet<(DatasetId, Tile)>,
+    /// Something could be made now and was not: time or room were over.
+    pub(crate) behind: bool,
+    /// Results that stand for those whose best data cannot be had: tile, whether heights → result.
+    pub(crate) broken: HashMap<(Tile, bool), (Tile, u64)>,
     /// Numbers of the tiles whose data was brought to the GPU or into a mesh.
     pub(crate) shown: Vec<u64>,
     pub(crate) statistics: FrameStatistics,
@@ -66,12 +87,16 @@ impl Gather<'_> {
         &mut self,
         view: &ViewPoint,
         blocks: &[PlannedBlock],
-    ) -> (Vec<BlockDraws>, Vec<TileRecord>) {
+    ) -> Result<(Vec<BlockDraws>, Vec<TileRecord>), RenderError> {
         let screens = (0..view.eyes.len())
             .filter(|screen| blocks.iter().any(|planned| planned.screen == *screen))
             .count();
-        let room = self.meshes.capacity().min(self.textures.most_tiles());
-        let most_visible = room / screens.max(1);
+        let screens = screens.max(1);
+        let most_visible = Most {
+            // Half, so that the meshes of two scenes fit.
+            leaves: self.meshes.capacity() / 2 / screens,
+            tiles: self.textures.most_tiles() / screens,
+        };
         let mut records = Vec::new();
         let mut draws: Vec<BlockDraws> = blocks
             .iter()
@@ -105,9 +130,10 @@ impl Gather<'_> {
                 .achieved_tile_px
                 .max(selection.achieved_tile_px());
             // Beside what is drawn, some of what was: a viewer comes back, and ancestors stand in.
-            let room = visible.len() + visible.len() / 2 + 32;
+            let tiles = self.distinct_tiles(&visible);
+            let room = tiles * if self.shares { 5 } else { 3 } / 2 + 32;
             self.textures.reserve(self.gpu, room);
-            let surfaces = self.surfaces(*eye, &selection, &visible, &mut records);
+            let surfaces = self.surfaces(*eye, &selection, &visible, &mut records)?;
             for (index, tiles) in of_screen.iter().zip(visible_in) {
                 for tile in tiles {
                     if let Some(surface) = surfaces.get(&tile) {
@@ -118,7 +144,7 @@ impl Gather<'_> {
                 }
             }
         }
-        (draws, records)
+        Ok((draws, records))
     }
 
     /// Selects for an eye and culls for each block. Where more is visible than the budgets hold, tiles are
@@ -129,10 +155,10 @@ impl Gather<'_> {
         pixels_per_radian: f64,
         of_screen: &[usize],
         blocks: &[PlannedBlock],
-        most_visible: usize,
+        most_visible: Most,
     ) -> Sight {
         let ellipsoid = &self.scene.data.ellipsoid;
-        let ranges = self.scene.ranges();
+        let ranges = Ranges(self.scene);
         let horizon = Horizon::new(ellipsoid, ranges.floor_m(), eye);
         let mut limits = LodLimits {
             deepest_level: self.scene.data.deepest_level,
@@ -157,7 +183,9 @@ impl Gather<'_> {
             visible.sort_unstable();
             visible.dedup();
             // Six roots are the least there can be.
-            if visible.len() <= most_visible || selection.leaves().len() <= Tile::ROOTS.len() {
+            let fits = visible.len() <= most_visible.leaves
+                && self.distinct_tiles(&visible) <= most_visible.tiles;
+            if fits || selection.leaves().len() <= Tile::ROOTS.len() {
                 return Sight {
                     selection,
                     visible_in,
@@ -168,47 +196,82 @@ impl Gather<'_> {
         }
     }
 
-    /// Finds or makes what each visible leaf needs: its mesh, its imagery layer, its relief layer.
+    /// Tiles whose fused heights or fused colours these leaves show, whichever are more.
+    fn distinct_tiles(&self, leaves: &[Tile]) -> usize {
+        let count = |tile_of: &dyn Fn(Tile) -> Option<Tile>| {
+            let tiles: HashSet<Tile> = leaves.iter().filter_map(|leaf| tile_of(*leaf)).collect();
+            tiles.len()
+        };
+        let heights = count(&|leaf| self.scene.heights_tile(leaf));
+        heights.max(count(&|leaf| self.scene.colours_tile(leaf)))
+    }
+
+    /// Finds or makes what each visible leaf needs: its mesh, its layer of colour, its layer of relief.
     fn surfaces(
         &mut self,
         eye: DVec3,
         selection: &Selection,
         visible: &[Tile],
         records: &mut Vec<TileRecord>,
-    ) -> HashMap<Tile, Surface> {
-        let heights = self.gather_heights(eye, selection, visible);
-        self.prepare_relief(visible, &heights);
-        let data = |tile: Tile| {
-            heights
-                .resident
-                .get(&tile)
-                .map(|heights| heights as &dyn Lattice)
-        };
-        let quantum_m = self
-            .scene
-            .elevation
-            .as_ref()
-            .map_or(1.0, |layer| layer.data.dataset.unit());
-        let shown_level = |leaf: Tile| heights.shown.get(&leaf).map(|tile| tile.level());
+    ) -> Result<HashMap<Tile, Surface>, RenderError> {
+        let scene = self.scene;
+        self.want_roots();
+        let elevation: Vec<GatheredHeights> = scene
+            .elevation_layers
+            .iter()
+            .filter_map(|layer| scene.source(*layer))
+            .map(|source| self.gather_heights(source, eye, selection, visible))
+            .collect();
+        let shown = self.show(eye, visible)?;
+        let data: Vec<_> = elevation
+            .iter()
+            .map(|heights| {
+                |tile: Tile| {
+                    let found = heights.resident.get(&tile);
+                    found.map(|heights| heights as &dyn Lattice)
+                }
+            })
+            .collect();
+        let heights = VertexHeights::new(scene);
         let mut surfaces = HashMap::with_capacity(visible.len());
-        for leaf in visible {
+        for (leaf, shown) in visible.iter().zip(shown) {
+            let mut variant = terrain::seams(*leaf, selection, &|_| None).variant;
+            let mut layers = Vec::with_capacity(elevation.len());
+            for (gathered, data) in elevation.iter().zip(&data) {
+                let level = |leaf: Tile| gathered.shown.get(&leaf).map(|tile| tile.level());
+                let seams = terrain::seams(*leaf, selection, &level);
+                variant = seams.variant;
+                layers.push(ElevationLayer {
+                    levels: seams.levels,
+                    data,
+                });
+            }
+            let relations = scene.relations(*leaf);
+            let fuse = |normal: DVec3, samples: &[Option<i32>]| {
+                heights.at(scene, &relations, normal, samples)
+            };
             let request = MeshRequest {
                 tile: *leaf,
-                seams: terrain::seams(*leaf, selection, &shown_level),
-                quantum_m,
-                data: &data,
+                variant,
+                layers: &layers,
+                fuse: &fuse,
+                content: heights_content(scene, *leaf),
             };
             let prepared =
                 self.meshes
-                    .prepare(self.gpu, &self.scene.data.ellipsoid, &request, self.frame);
+                    .prepare(self.gpu, &scene.data.ellipsoid, &request, self.frame);
             let Some((mesh, built)) = prepared else {
-                self.statistics.converged = false;
+                self.behind = true;
                 continue;
             };
             self.statistics.meshes_built += u32::from(built);
+            let place = |shown: Option<(Tile, u32)>| {
+                let (tile, layer) = shown.unwrap_or((*leaf, 0));
+                place(*leaf, tile, layer)
+            };
             let record = TileRecord {
-                imagery: self.imagery_place(eye, *leaf),
-                relief: self.relief_place(*leaf),
+                imagery: place(shown.colours),
+                relief: place(shown.heights),
                 face: [u32::from(leaf.face().number()), 0, 0, 0],
             };
             surfaces.insert(
@@ -220,146 +283,66 @@ impl Gather<'_> {
             );
             records.push(record);
         }
-        surfaces
+        Ok(surfaces)
     }
 
-    /// What each visible leaf and each of its neighbours shows of the elevation; asks for the rest.
+    /// The coarsest level of everything is always there, to stand in for the rest.
+    fn want_roots(&mut self) {
+        let scene = self.scene;
+        let layers = scene.elevation_layers.iter().chain(&scene.colour_layers);
+        for source in layers.filter_map(|layer| scene.source(*layer)) {
+            for root in Tile::ROOTS {
+                self.want(source, root, &self.cache.get(source.id, root), f32::MAX);
+            }
+        }
+    }
+
+    /// What each visible leaf and each of its neighbours shows of a layer's heights; asks for the rest.
     fn gather_heights(
         &mut self,
+        source: &Source,
         eye: DVec3,
         selection: &Selection,
         visible: &[Tile],
     ) -> GatheredHeights {
         let mut gathered = GatheredHeights::default();
-        let Some(layer) = &self.scene.elevation else {
-            return gathered;
-        };
-        for root in Tile::ROOTS {
-            self.want(layer, root, &self.cache.get(layer.id, root), f32::MAX);
-        }
         for leaf in visible {
-            gathered.add(self.cache, layer, *leaf);
+            gathered.add(self.cache, source, *leaf);
             for around in selection.leaves_around(*leaf) {
-                gathered.add(self.cache, layer, around);
+                gathered.add(self.cache, source, around);
             }
         }
         let mut missing: Vec<Tile> = gathered.missing.iter().copied().collect();
         missing.sort_unstable();
         missing.dedup();
         self.shown
-            .extend(gathered.resident.keys().map(|tile| layer.number(*tile)));
+            .extend(gathered.resident.keys().map(|tile| source.number(*tile)));
         for tile in missing {
             let urgency = priority(&self.scene.data.ellipsoid, eye, tile);
-            self.want(layer, tile, &self.cache.get(layer.id, tile), urgency);
+            self.want(source, tile, &self.cache.get(source.id, tile), urgency);
         }
         gathered
     }
 
     /// Wishes for a tile that is not in memory.
-    fn want(&mut self, layer: &Layer, tile: Tile, found: &Lookup, priority: f32) {
+    pub(crate) fn want(&mut self, source: &Source, tile: Tile, found: &Lookup, priority: f32) {
         match found {
-            Lookup::Pending => self.pending += 1,
+            Lookup::Pending => {
+                self.pending.insert((source.id, tile));
+            }
             Lookup::Failed(_) => {}
             Lookup::Ready(_) | Lookup::Absent => return,
         }
-        self.wants.push((layer.id, tile, priority));
+        self.wants.push((source.id, tile, priority));
     }
 
-    fn may_upload(&self) -> bool {
+    pub(crate) fn may_upload(&self) -> bool {
         // At least one a frame, or a slow machine would never finish.
-        self.statistics.uploads == 0 || Instant::now() < self.upload_until
-    }
-
-    /// Makes relief layers for what the visible leaves show, coarse levels first, within the budget.
-    fn prepare_relief(&mut self, visible: &[Tile], heights: &GatheredHeights) {
-        let Some(layer) = &self.scene.elevation else {
-            return;
-        };
-        let mut shown: Vec<Tile> = visible
-            .iter()
-            .filter_map(|leaf| heights.shown.get(leaf))
-            .copied()
-            .collect();
-        shown.sort_unstable();
-        shown.dedup();
-        shown.retain(|tile| self.textures.relief.get(*tile, self.frame).is_none());
-        for batch in shown.chunks(RELIEF_BATCH) {
-            if !self.may_upload() {
-                self.statistics.converged = false;
-                return;
-            }
-            let mut jobs = Vec::with_capacity(batch.len());
-            for tile in batch {
-                let Some(data) = heights.resident.get(tile) else {
-                    continue;
-                };
-                let Some(lent) = self.textures.relief.lend(*tile, self.frame) else {
-                    self.statistics.converged = false;
-                    continue;
-                };
-                jobs.push(ReliefJob {
-                    data: &data.0,
-                    layer: lent,
-                    quantum_m: layer.data.dataset.unit(),
-                });
-            }
-            self.statistics.uploads += jobs.len() as u32;
-            self.textures
-                .process_relief(self.gpu, &self.scene.data.ellipsoid, &jobs);
-        }
-    }
-
-    fn relief_place(&mut self, leaf: Tile) -> [f32; 4] {
-        let Some(layer) = &self.scene.elevation else {
-            return place(leaf, leaf, 0);
-        };
-        let Some(best) = layer.best(leaf) else {
-            return place(leaf, leaf, 0);
-        };
-        for tile in best.lineage() {
-            if let Some(found) = self.textures.relief.get(tile, self.frame) {
-                return place(leaf, tile, found);
-            }
-        }
-        place(leaf, leaf, 0)
-    }
-
-    /// The imagery a leaf shows: the finest of its lineage that is or can now be brought to the GPU.
-    fn imagery_place(&mut self, eye: DVec3, leaf: Tile) -> [f32; 4] {
-        let Some(layer) = &self.scene.imagery else {
-            return place(leaf, leaf, 0);
-        };
-        let Some(best) = layer.best(leaf) else {
-            return place(leaf, leaf, 0);
-        };
-        for tile in best.lineage() {
-            if let Some(found) = self.textures.imagery.get(tile, self.frame) {
-                return place(leaf, tile, found);
-            }
-            let found = self.cache.get(layer.id, tile);
-            match found {
-                Lookup::Ready(data) if self.may_upload() => {
-                    if let Some(lent) = self.textures.imagery.lend(tile, self.frame) {
-                        self.textures.upload_imagery(self.gpu, &data, lent);
-                        self.shown.push(layer.number(tile));
-                        self.statistics.uploads += 1;
-                        return place(leaf, tile, lent);
-                    }
-                    self.statistics.converged = false;
-                }
-                Lookup::Ready(_) => self.statistics.converged = false,
-                Lookup::Pending | Lookup::Failed(_) => {
-                    let urgency = priority(&self.scene.data.ellipsoid, eye, tile);
-                    self.want(layer, tile, &found, urgency);
-                }
-                Lookup::Absent => {}
-            }
-        }
-        place(leaf, leaf, 0)
+        self.statistics.processed_tiles == 0 || Instant::now() < self.upload_until
     }
 }
 
-/// The elevation that this frame uses.
+/// The elevation of one layer that this frame uses.
 #[derive(Default)]
 struct GatheredHeights {
     /// Leaf → the tile whose data it shows.
@@ -370,12 +353,14 @@ struct GatheredHeights {
 }
 
 impl GatheredHeights {
-    fn add(&mut self, cache: &TileCache, layer: &Layer, leaf: Tile) {
+    fn add(&mut self, cache: &TileCache, source: &Source, leaf: Tile) {
         if self.shown.contains_key(&leaf) {
             return;
         }
-        let Some(best) = layer.best(leaf) else { return };
-        let Some(data) = layer.resident(cache, leaf) else {
+        let Some(best) = source.best(leaf) else {
+            return;
+        };
+        let Some(data) = source.resident(cache, leaf) else {
             self.missing.insert(best);
             return;
         };
@@ -407,7 +392,7 @@ fn place(leaf: Tile, shown: Tile, layer: u32) -> [f32; 4] {
 }
 
 /// Larger for what covers more of the sight: coarse tiles and near tiles first.
-fn priority(ellipsoid: &geodesy::Ellipsoid, eye: DVec3, tile: Tile) -> f32 {
+pub(crate) fn priority(ellipsoid: &geodesy::Ellipsoid, eye: DVec3, tile: Tile) -> f32 {
     let middle = geodesy::LatticePoint::of_tile(tile, geodesy::CELLS / 2, geodesy::CELLS / 2);
     let distance = ellipsoid.point(middle.normal(), 0.0).distance(eye).max(1.0);
     let width = ellipsoid.semi_major_m / f64::from(1_u32 << tile.level());

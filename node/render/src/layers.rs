@@ -53,11 +53,6 @@ impl LayerArrays {
 }
 
 fn array(gpu: &Gpu, label: &str, layers: u32, format: wgpu::TextureFormat) -> wgpu::Texture {
-    // Relief is written by a compute stage, imagery by copies; both are copied when they grow.
-    let written = match format {
-        wgpu::TextureFormat::Rgba8Snorm => wgpu::TextureUsages::STORAGE_BINDING,
-        _ => wgpu::TextureUsages::empty(),
-    };
     gpu.device.create_texture(&wgpu::TextureDescriptor {
         label: Some(label),
         size: wgpu::Extent3d {
@@ -72,7 +67,8 @@ fn array(gpu: &Gpu, label: &str, layers: u32, format: wgpu::TextureFormat) -> wg
         usage: wgpu::TextureUsages::TEXTURE_BINDING
             | wgpu::TextureUsages::COPY_SRC
             | wgpu::TextureUsages::COPY_DST
-            | written,
+            // Written by compute stages.
+            | wgpu::TextureUsages::STORAGE_BINDING,
         view_formats: &[],
     })
 }

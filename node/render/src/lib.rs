@@ -7,14 +7,22 @@ mod canvas;
 mod error;
 mod gather;
 mod gpu;
+mod heights;
+mod layer;
 mod layers;
+mod loaded;
 mod meshes;
 mod pipelines;
 mod pool;
+mod process;
+mod ranges;
 mod renderer;
 mod scene;
+mod show;
+mod source;
 mod target;
 mod textures;
+mod timing;
 mod uniform;
 mod window;
 
@@ -22,13 +30,23 @@ mod window;
 mod device_tests;
 #[cfg(test)]
 mod picture_tests;
+#[cfg(test)]
+mod process_tests;
+#[cfg(test)]
+mod stage_tests;
+#[cfg(test)]
+mod test_planet;
 
 pub use canvas::{BLOCK_PX, ChannelPlan, OutputPlan, PixelRect, PlanarScreen};
 pub use error::RenderError;
 pub use gpu::{Gpu, GpuError};
-pub use pool::LayerPool;
+pub use layer::{
+    Aspect, Blend, Elevation, Fusion, Hillshade, Imagery, Isolines, LayerData, LayerParameters,
+    LensData, Process, Ramp, RampStop, Sar, SarMapping, Slope,
+};
 pub use renderer::{FrameStatistics, RenderBudget, Renderer, ViewPoint};
 pub use scene::{Air, Light, SceneData, sun_over};
 pub use target::Picture;
 pub use tiles::{CacheConfig, TileCache};
+pub use timing::{SampleWords, StageTiming, time_stages};
 pub use window::WindowSurface;

@@ -3,9 +3,11 @@
 //! taken again; a slot in use in this frame never is.
 
 use std::collections::HashMap;
+use std::hash::{DefaultHasher, Hash as _, Hasher as _};
 
 use geodesy::{Ellipsoid, Tile};
-use terrain::{DataLevels, Lattice, Patch, Seams, Vertex};
+use glam::DVec3;
+use terrain::{ElevationLayer, Patch, Vertex};
 
 use crate::error::RenderError;
 use crate::gpu::Gpu;
@@ -21,7 +23,7 @@ pub(crate) struct Meshes {
     /// First index and count of each of the 16 border variants.
     variants: [(u32, u32); 16],
     /// By all that a mesh's vertices depend on: two eyes may need one tile with different seams at once.
-    slots: HashMap<(Tile, DataLevels), Slot>,
+    slots: HashMap<MeshKey, Slot>,
     free: Vec<u32>,
     capacity: u32,
     /// Slots that were ever used: the lowest ones.
@@ -44,12 +46,31 @@ pub(crate) struct MeshDraw {
     pub(crate) index_count: u32,
 }
 
+/// A tile, and a number that stands for all that its vertices depend on.
+type MeshKey = (Tile, u64);
+
 /// The leaf, what it shows, and how it meets its neighbours.
-pub(crate) struct MeshRequest<'a> {
+pub(crate) struct MeshRequest<'r, 'a> {
     pub(crate) tile: Tile,
-    pub(crate) seams: Seams,
-    pub(crate) quantum_m: f64,
-    pub(crate) data: &'a dyn Fn(Tile) -> Option<&'a dyn Lattice>,
+    /// Which of the 16 border variants.
+    pub(crate) variant: u8,
+    /// The elevation layers, with their levels inside and along the border.
+    pub(crate) layers: &'r [ElevationLayer<'a>],
+    /// From normal and samples to a height in metres.
+    pub(crate) fuse: &'r dyn Fn(DVec3, &[Option<i32>]) -> f64,
+    /// Stands for whatever `fuse` depends on.
+    pub(crate) content: u64,
+}
+
+impl MeshRequest<'_, '_> {
+    fn key(&self) -> MeshKey {
+        let mut hasher = DefaultHasher::new();
+        self.content.hash(&mut hasher);
+        for layer in self.layers {
+            layer.levels.hash(&mut hasher);
+        }
+        (self.tile, hasher.finish())
+    }
 }
 
 impl Meshes {
@@ -110,24 +131,23 @@ impl Meshes {
         &mut self,
         gpu: &Gpu,
         ellipsoid: &Ellipsoid,
-        request: &MeshRequest<'_>,
+        request: &MeshRequest<'_, '_>,
         frame: u64,
     ) -> Option<(MeshDraw, bool)> {
-        let key = (request.tile, request.seams.levels);
+        let key = request.key();
         if let Some(known) = self.slots.get_mut(&key) {
             known.used = frame;
             let slot = known.slot;
-            return Some((self.draw(slot, &request.seams), false));
+            return Some((self.draw(slot, request.variant), false));
         }
         let mut vertices = std::mem::take(&mut self.vertices_scratch);
         vertices.clear();
         let built = terrain::build(
             ellipsoid,
             request.tile,
-            &request.seams.levels,
+            request.layers,
             &self.patch,
-            request.quantum_m,
-            request.data,
+            request.fuse,
             &mut vertices,
         );
         let slot = match built {
@@ -146,10 +166,10 @@ impl Meshes {
                 .write_buffer(&self.vertices, offset, &self.bytes_scratch);
         }
         self.vertices_scratch = vertices;
-        slot.map(|slot| (self.draw(slot, &request.seams), true))
+        slot.map(|slot| (self.draw(slot, request.variant), true))
     }
 
-    fn slot_for(&mut self, key: (Tile, DataLevels), frame: u64) -> Option<u32> {
+    fn slot_for(&mut self, key: MeshKey, frame: u64) -> Option<u32> {
         let slot = self.free.pop().or_else(|| self.evict(frame))?;
         self.used_slots = self.used_slots.max(slot + 1);
         self.slots.insert(key, Slot { slot, used: frame });
@@ -164,8 +184,8 @@ impl Meshes {
             .slice(..u64::from(self.used_slots.max(1)) * slot_bytes)
     }
 
-    fn draw(&self, slot: u32, seams: &Seams) -> MeshDraw {
-        let (first_index, index_count) = self.variants[usize::from(seams.variant & 15)];
+    fn draw(&self, slot: u32, variant: u8) -> MeshDraw {
+        let (first_index, index_count) = self.variants[usize::from(variant & 15)];
         MeshDraw {
             base_vertex: (slot as usize * self.patch.positions.len()) as i32,
             first_index,
@@ -178,7 +198,7 @@ impl Meshes {
             .slots
             .iter()
             .filter(|(_, slot)| slot.used < frame)
-            .min_by_key(|((tile, _), slot)| (slot.used, *tile))
+            .min_by_key(|(key, slot)| (slot.used, **key))
             .map(|(key, _)| *key)?;
         self.slots.remove(&oldest).map(|slot| slot.slot)
     }

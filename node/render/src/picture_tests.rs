@@ -2,193 +2,11 @@
 //! budgets still converge. Needs a device, as in `device_tests`.
 #![allow(clippy::unwrap_used, reason = "a test that panics has failed")]
 
-use std::path::PathBuf;
-use std::sync::Arc;
-use std::time::{Duration, Instant};
+use glam::DVec3;
 
-use geodesy::{Ellipsoid, LatticePoint, Tile};
-use glam::{DMat3, DVec3};
-use tiles::{
-    CacheConfig, Dataset, Index, Kind, Repository, SampleType, Samples, TileCache, TileData,
-    Validity,
-};
-
-use crate::canvas::{ChannelPlan, OutputPlan, PixelRect, PlanarScreen};
-use crate::device_tests::device;
-use crate::renderer::{FrameStatistics, RenderBudget, Renderer, ViewPoint};
-use crate::scene::{Air, Light, SceneData};
-use crate::target::Picture;
-
-const CANVAS: [u32; 2] = [320, 180];
-
-/// Heights and colours that any node of any level can be asked for.
-fn tile_data(tile: Tile, kind: Kind) -> TileData {
-    let (mut heights, mut colours) = (Vec::new(), Vec::new());
-    for j in -9..266 {
-        for i in -9..266 {
-            let n = LatticePoint::of_tile(tile, i, j).normal();
-            let hills = (n.x * 60.0).sin() * (n.y * 50.0).cos() * (n.z * 70.0).sin();
-            heights.push((hills * 6000.0 * 16.0) as i32);
-            let checks = (n * 12.0).floor().as_i64vec3();
-            let dark = (checks.x + checks.y + checks.z) & 1 == 0;
-            colours.extend_from_slice(if dark {
-                &[40, 90, 160]
-            } else {
-                &[200, 180, 120]
-            });
-        }
-    }
-    let (channels, samples) = match kind {
-        Kind::Elevation => (1, Samples::I32(heights)),
-        _ => (3, Samples::U8(colours)),
-    };
-    TileData::new(tile, kind, channels, samples, Validity::All).unwrap()
-}
-
-/// A repository with all tiles of levels 0 and 1, and those of level 2 on two faces only, so that
-/// data of different levels meet.
-fn repository(kind: Kind) -> (tempfile::TempDir, PathBuf) {
-    let directory = tempfile::tempdir().unwrap();
-    let root = directory.path().join("data");
-    let (sample_type, channels) = if kind == Kind::Elevation {
-        (SampleType::I32, 1)
-    } else {
-        (SampleType::U8, 3)
-    };
-    let mut dataset = Dataset::new("planet", kind, sample_type, channels);
-    dataset.deepest_level = 2;
-    let repository = Repository::create(&root, dataset).unwrap();
-    let mut index = Index::new();
-    let mut level: Vec<Tile> = Tile::ROOTS.to_vec();
-    for depth in 0..3 {
-        for tile in &level {
-            if depth < 2 || tile.face().number() < 2 {
-                let data = tile_data(*tile, kind);
-                repository
-                    .write_atomic(*tile, &data.encode().unwrap())
-                    .unwrap();
-                index.insert_tile(&data);
-            }
-        }
-        level = level
-            .iter()
-            .flat_map(|tile| tile.children().unwrap())
-            .collect();
-    }
-    repository.store_index(&index).unwrap();
-    (directory, root)
-}
-
-struct Planet {
-    gpu: Arc<crate::gpu::Gpu>,
-    elevation: (tempfile::TempDir, PathBuf),
-    imagery: (tempfile::TempDir, PathBuf),
-}
-
-impl Planet {
-    fn new() -> Option<Self> {
-        Some(Self {
-            gpu: Arc::new(device()?),
-            elevation: repository(Kind::Elevation),
-            imagery: repository(Kind::Imagery),
-        })
-    }
-
-    fn renderer(&self, outputs: &[OutputPlan], gpu_bytes: u64) -> Renderer {
-        let config = CacheConfig {
-            ram_bytes: 256 << 20,
-            disk_bytes: 0,
-            disk_directory: None,
-            threads: 2,
-        };
-        let cache = Arc::new(TileCache::open(&config).unwrap());
-        let budget = RenderBudget {
-            gpu_bytes,
-            upload: Duration::from_millis(5),
-        };
-        let mut renderer = Renderer::new(Arc::clone(&self.gpu), cache, outputs, budget).unwrap();
-        let scene = SceneData {
-            ellipsoid: Ellipsoid::EARTH,
-            elevation: Some(("heights".to_owned(), self.elevation.1.clone())),
-            imagery: Some(("colours".to_owned(), self.imagery.1.clone())),
-            light: Light {
-                sun: DVec3::new(0.8, 0.3, 0.5).normalize(),
-                ambient: 0.1,
-                relief: 2.0,
-            },
-            air: Air {
-                thickness_m: 10_000.0,
-                colour: [0.5, 0.7, 1.0],
-            },
-            refinement: 3,
-            tile_px: 100.0,
-            deepest_level: 8,
-        };
-        renderer.set_scene(scene).unwrap();
-        renderer
-    }
-}
-
-fn output(rect: PixelRect) -> OutputPlan {
-    OutputPlan {
-        name: format!("{},{}", rect.x, rect.y),
-        size_px: [rect.width, rect.height],
-        channels: vec![ChannelPlan {
-            screen: 0,
-            canvas_px: rect,
-            output_px: [0, 0],
-        }],
-    }
-}
-
-fn view(latitude_deg: f64, longitude_deg: f64, altitude_m: f64, pitch_deg: f64) -> ViewPoint {
-    let normal = Ellipsoid::normal(latitude_deg, longitude_deg);
-    let [east, north, up] = Ellipsoid::east_north_up(normal);
-    let (sine, cosine) = pitch_deg.to_radians().sin_cos();
-    let forward = north * cosine + up * sine;
-    let screen = PlanarScreen {
-        lower_left_m: DVec3::new(-2.0, -1.125, -3.0),
-        right: DVec3::X,
-        up: DVec3::Y,
-        size_m: [4.0, 2.25],
-        size_px: CANVAS,
-    };
-    ViewPoint {
-        eyes: vec![Ellipsoid::EARTH.point(normal, altitude_m)],
-        room: DMat3::from_cols(east, east.cross(forward), -forward),
-        screens: vec![screen],
-        pixels_per_radian: 400.0,
-    }
-}
-
-fn views() -> [ViewPoint; 5] {
-    [
-        view(20.0, 10.0, 1.2e7, -90.0),
-        view(-5.0, 44.0, 4e5, -12.0),
-        view(46.0, 46.0, 12_000.0, -15.0),
-        view(90.0, 0.0, 8e5, -90.0),
-        view(45.0, 0.5, 7000.0, -1.0),
-    ]
-}
-
-fn settle(renderer: &mut Renderer, view: &ViewPoint) -> FrameStatistics {
-    let start = Instant::now();
-    loop {
-        let statistics = renderer.draw(view).unwrap();
-        if statistics.converged {
-            return statistics;
-        }
-        assert!(
-            start.elapsed() < Duration::from_secs(60),
-            "never converged: {statistics:?}"
-        );
-        std::thread::sleep(Duration::from_millis(2));
-    }
-}
-
-fn picture(renderer: &Renderer) -> Picture {
-    renderer.read_pictures().unwrap().remove(0).1
-}
+use crate::canvas::{ChannelPlan, OutputPlan, PixelRect};
+use crate::renderer::ViewPoint;
+use crate::test_planet::{CANVAS, Planet, output, picture, settle, view, views};
 
 #[test]
 fn tiled_pictures_equal_the_single_one_bit_for_bit() {
@@ -340,14 +158,14 @@ fn what_does_not_change_is_not_drawn_again() {
     let [first, second, ..] = views();
     settle(&mut renderer, &first);
     for _ in 0..5 {
-        assert!(!renderer.draw(&first).unwrap().redrawn);
+        assert!(!renderer.draw(&first, 1).unwrap().redrawn);
     }
-    assert!(renderer.draw(&second).unwrap().redrawn);
+    assert!(renderer.draw(&second, 1).unwrap().redrawn);
     settle(&mut renderer, &second);
-    assert!(!renderer.draw(&second).unwrap().redrawn);
+    assert!(!renderer.draw(&second, 1).unwrap().redrawn);
     renderer.set_sun(DVec3::Z);
     assert!(
-        renderer.draw(&second).unwrap().redrawn,
+        renderer.draw(&second, 1).unwrap().redrawn,
         "light is part of the picture"
     );
 }
@@ -373,7 +191,7 @@ fn the_smallest_budget_still_converges_and_then_loads_nothing() {
     assert!(settled.drawn_tiles <= 31, "{settled:?}");
     let before = renderer.cache().counters();
     for _ in 0..20 {
-        let again = renderer.draw(view).unwrap();
+        let again = renderer.draw(view, 1).unwrap();
         assert!(!again.redrawn && again.converged);
     }
     assert_eq!(

@@ -1,14 +1,17 @@
-//! Layers of a texture array, lent to tiles: least recently used ones are lent again.
-//! In: tiles that are wanted, frame numbers. Out: layer numbers. Bookkeeping only; it owns no texture.
+//! Layers of a texture array, lent to tiles' results: least recently used ones are lent again.
+//! In: results that are wanted, frame numbers. Out: layer numbers. Bookkeeping only; it owns no texture.
 
 use std::collections::HashMap;
 
 use geodesy::Tile;
 
+/// What a layer holds: a tile, and a number that stands for everything that went into its result.
+pub(crate) type LayerKey = (Tile, u64);
+
 /// Which tile holds which layer. Layer 0 is never lent: it is the neutral picture.
 #[derive(Debug)]
-pub struct LayerPool {
-    layers: HashMap<Tile, Slot>,
+pub(crate) struct LayerPool {
+    layers: HashMap<LayerKey, Slot>,
     free: Vec<u32>,
     capacity: u32,
 }
@@ -21,8 +24,7 @@ struct Slot {
 
 impl LayerPool {
     /// A pool over layers 1…`layers` − 1.
-    #[must_use]
-    pub fn new(layers: u32) -> Self {
+    pub(crate) fn new(layers: u32) -> Self {
         Self {
             layers: HashMap::new(),
             free: (1..layers).rev().collect(),
@@ -31,7 +33,7 @@ impl LayerPool {
     }
 
     /// Adds layers up to `layers` in all. What is lent stays lent.
-    pub fn grow(&mut self, layers: u32) {
+    pub(crate) fn grow(&mut self, layers: u32) {
         let added = (self.capacity..layers).rev();
         // Old free layers are lent first.
         self.free.splice(0..0, added);
@@ -39,27 +41,34 @@ impl LayerPool {
     }
 
     /// The layer of a tile, which counts as used in this frame.
-    pub fn get(&mut self, tile: Tile, frame: u64) -> Option<u32> {
+    pub(crate) fn get(&mut self, tile: LayerKey, frame: u64) -> Option<u32> {
         let slot = self.layers.get_mut(&tile)?;
         slot.used = frame;
         Some(slot.layer)
     }
 
-    /// True where the tile holds a layer. Does not count as use.
-    #[must_use]
-    pub fn contains(&self, tile: Tile) -> bool {
+    /// True where the result holds a layer. Does not count as use.
+    #[cfg(test)]
+    fn contains(&self, tile: LayerKey) -> bool {
         self.layers.contains_key(&tile)
     }
 
     /// Lends a layer to a tile: a free one, else that of the tile unused for longest. `None` while every
     /// layer is in use in this frame: the budget is too small for the view.
-    pub fn lend(&mut self, tile: Tile, frame: u64) -> Option<u32> {
+    pub(crate) fn lend(&mut self, tile: LayerKey, frame: u64) -> Option<u32> {
         if let Some(layer) = self.get(tile, frame) {
             return Some(layer);
         }
         let layer = self.free.pop().or_else(|| self.evict(frame))?;
         self.layers.insert(tile, Slot { layer, used: frame });
         Some(layer)
+    }
+
+    /// Takes a layer back that was lent for a result that could not be made.
+    pub(crate) fn take_back(&mut self, tile: LayerKey) {
+        if let Some(slot) = self.layers.remove(&tile) {
+            self.free.push(slot.layer);
+        }
     }
 
     fn evict(&mut self, frame: u64) -> Option<u32> {
@@ -71,30 +80,6 @@ impl LayerPool {
             .map(|(tile, _)| *tile)?;
         self.layers.remove(&oldest).map(|slot| slot.layer)
     }
-
-    /// Takes all layers back.
-    pub fn clear(&mut self) {
-        self.layers.clear();
-        self.free = (1..self.capacity).rev().collect();
-    }
-
-    /// Layers that can be lent in all.
-    #[must_use]
-    pub fn capacity(&self) -> u32 {
-        self.capacity.saturating_sub(1)
-    }
-
-    /// Layers that are lent.
-    #[must_use]
-    pub fn len(&self) -> usize {
-        self.layers.len()
-    }
-
-    /// True when no layer is lent.
-    #[must_use]
-    pub fn is_empty(&self) -> bool {
-        self.layers.is_empty()
-    }
 }
 
 #[cfg(test)]
@@ -103,8 +88,8 @@ mod tests {
 
     use super::*;
 
-    fn tile(x: u32) -> Tile {
-        Tile::new(0, 5, x, 0).unwrap()
+    fn tile(x: u32) -> LayerKey {
+        (Tile::new(0, 5, x, 0).unwrap(), 7)
     }
 
     #[test]
@@ -128,7 +113,7 @@ mod tests {
             pool.lend(tile(3), 1).unwrap(),
         ];
         assert!(!more.contains(&first) && more[0] != more[1] && !more.contains(&0));
-        assert_eq!((pool.get(tile(1), 2), pool.capacity()), (Some(first), 3));
+        assert_eq!(pool.get(tile(1), 2), Some(first));
     }
 
     #[test]
@@ -137,6 +122,5 @@ mod tests {
         pool.lend(tile(1), 7).unwrap();
         pool.lend(tile(2), 7).unwrap();
         assert_eq!(pool.lend(tile(3), 7), None);
-        assert_eq!(pool.len(), 2);
     }
 }

@@ -4,31 +4,39 @@
 //! waits for data: what is not in memory is asked for, and its best ancestor is shown meanwhile. It knows
 //! no network and no window.
 
-use std::collections::HashSet;
+use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use geodesy::{Ellipsoid, Tile};
 use glam::{DMat3, DVec3};
 use shaders::{FrameUniform, TileRecord};
-use tiles::TileCache;
+use tiles::{DatasetId, TileCache, Wish};
 
 use crate::canvas::{Block, ChannelPlan, OutputPlan, PlanarScreen};
 use crate::error::RenderError;
 use crate::gather::{BlockDraws, Gather};
 use crate::gpu::Gpu;
+use crate::loaded::LoadedScene;
 use crate::meshes::Meshes;
 use crate::pipelines::Pipelines;
-use crate::scene::{Layer, LoadedScene, SceneData};
+use crate::process::Processor;
+use crate::ranges::Ranges;
+use crate::scene::SceneData;
 use crate::target::{BlockLayout, BlockTarget, OutputTarget, Picture};
 use crate::textures::SurfaceTextures;
 use crate::uniform::frame_uniform;
+
+/// The longest that processing for the shown scene may hold up one frame.
+const LONGEST_PROCESSING: Duration = Duration::from_millis(50);
 
 /// Limits of memory and time.
 #[derive(Clone, Copy, Debug)]
 pub struct RenderBudget {
     /// GPU memory for tiles and meshes in bytes.
     pub gpu_bytes: u64,
-    /// Time that uploads may take from one frame.
+    /// Time that processing the next scene may take from one frame. What the shown scene lacks may take as long as its
+    /// picture takes to draw, if that is more.
     pub upload: Duration,
 }
 
@@ -60,8 +68,10 @@ pub struct FrameStatistics {
     pub drawn_tiles: u32,
     /// Triangles drawn.
     pub triangles: u64,
-    /// Layers uploaded or processed in this frame.
-    pub uploads: u32,
+    /// Results made in this frame: fused heights or colours of a tile.
+    pub processed_tiles: u32,
+    /// The scene in preparation, once everything that this view needs of it is there.
+    pub prepared: Option<u64>,
     /// Meshes built in this frame.
     pub meshes_built: u32,
     /// The side in pixels beyond which tiles were split: the scene's, or more where budgets forbid it.
@@ -75,9 +85,17 @@ pub struct Renderer {
     budget: RenderBudget,
     outputs: Vec<(OutputPlan, OutputTarget, Option<BlockTarget>)>,
     textures: SurfaceTextures,
+    processor: Processor,
     pipelines: Pipelines,
-    meshes: Option<Meshes>,
+    /// Meshes by refinement of their patches: those of the shown scene, and of the next where it differs.
+    meshes: Vec<(u8, Meshes)>,
     scene: Option<LoadedScene>,
+    /// The scene in preparation.
+    next: Option<LoadedScene>,
+    /// Another scene is shown since the last picture.
+    switched: bool,
+    /// How long the last picture took the GPU.
+    draw_time: Duration,
     frame: u64,
     /// The light has changed since the last picture.
     relit: bool,
@@ -104,6 +122,18 @@ struct LastFrame {
     statistics: FrameStatistics,
 }
 
+/// What a scene has for a view.
+struct Gathered {
+    draws: Vec<BlockDraws>,
+    records: Vec<TileRecord>,
+    wants: Vec<Wish>,
+    /// Tiles on their way.
+    pending: HashSet<(DatasetId, Tile)>,
+    /// Not all was made that could be.
+    behind: bool,
+    statistics: FrameStatistics,
+}
+
 impl LastFrame {
     /// True where only tiles on their way can change the picture, and none has come.
     fn waits_for_arrivals(&self, arrivals: u64) -> bool {
@@ -119,7 +149,9 @@ impl Renderer {
         outputs: &[OutputPlan],
         budget: RenderBudget,
     ) -> Result<Self, RenderError> {
-        let textures = SurfaceTextures::new(&gpu, budget.gpu_bytes / 8 * 7)?;
+        // An eighth for meshes, a half for what is drawn, the rest for what it is made of.
+        let textures = SurfaceTextures::new(&gpu, budget.gpu_bytes / 2);
+        let processor = Processor::new(&gpu, budget.gpu_bytes / 8 * 3);
         let pipelines = Pipelines::new(&gpu, &textures)?;
         let outputs = outputs
             .iter()
@@ -131,9 +163,13 @@ impl Renderer {
             budget,
             outputs,
             textures,
+            processor,
             pipelines,
-            meshes: None,
+            meshes: Vec::new(),
             scene: None,
+            next: None,
+            switched: false,
+            draw_time: Duration::ZERO,
             frame: 0,
             relit: false,
             used: HashSet::new(),
@@ -142,44 +178,57 @@ impl Renderer {
         })
     }
 
-    /// Takes a new scene. Its indices are read at once, its tiles when they are looked at. On an error
-    /// the old scene stays.
-    pub fn set_scene(&mut self, data: SceneData) -> Result<(), RenderError> {
-        let open = |source: &Option<_>, kind| {
-            source
-                .as_ref()
-                .map(|source| Layer::open(&self.cache, source, &data.ellipsoid, kind))
-                .transpose()
-        };
-        let elevation = open(&data.elevation, tiles::Kind::Elevation)?;
-        let imagery = open(&data.imagery, tiles::Kind::Imagery)?;
-        let same = |old: Option<&Layer>, new: Option<&Layer>| {
-            old.map(Layer::version) == new.map(Layer::version)
-        };
-        let kept = self.scene.as_ref().is_some_and(|old| {
-            same(old.elevation.as_ref(), elevation.as_ref())
-                && same(old.imagery.as_ref(), imagery.as_ref())
-                && old.data.refinement == data.refinement
-                && old.data.ellipsoid == data.ellipsoid
-        });
-        if !kept {
-            self.meshes = Some(Meshes::new(
-                &self.gpu,
-                data.refinement,
-                self.budget.gpu_bytes / 8,
-            )?);
-            self.textures.clear();
+    /// Takes a scene. The first is shown at once; a later one is prepared while the shown one is drawn, and takes
+    /// the place of another in preparation. Its indices are read at once where no scene has them open, its tiles when
+    /// they are looked at. On an error nothing changes.
+    pub fn prepare_scene(&mut self, revision: u64, data: SceneData) -> Result<(), RenderError> {
+        let known: Vec<&LoadedScene> = self.scene.iter().chain(&self.next).collect();
+        let refinement = data.refinement;
+        let loaded = LoadedScene::open(&self.cache, revision, data, &known)?;
+        if !self.meshes.iter().any(|(known, _)| *known == refinement) {
+            let meshes = Meshes::new(&self.gpu, refinement, self.budget.gpu_bytes / 8)?;
+            self.meshes.push((refinement, meshes));
         }
-        self.scene = Some(LoadedScene {
-            data,
-            elevation,
-            imagery,
+        if self.scene.is_none() {
+            self.scene = Some(loaded);
+            self.switched = true;
+        } else {
+            self.next = Some(loaded);
+        }
+        let scenes = [&self.scene, &self.next];
+        self.meshes.retain(|(refinement, _)| {
+            let mut used = scenes.iter().filter_map(|scene| scene.as_ref());
+            used.any(|scene| scene.data.refinement == *refinement)
         });
-        self.last = None;
         Ok(())
     }
 
-    /// Moves the sun without taking a new scene.
+    /// Shows a scene from the next picture on: the one in preparation, or the one that is shown already.
+    pub fn show(&mut self, revision: u64) -> Result<(), RenderError> {
+        let is = |scene: &Option<LoadedScene>| {
+            scene
+                .as_ref()
+                .is_some_and(|scene| scene.revision == revision)
+        };
+        if is(&self.scene) {
+            return Ok(());
+        }
+        if !is(&self.next) {
+            return Err(RenderError::UnknownScene { revision });
+        }
+        let before = std::mem::replace(&mut self.scene, self.next.take());
+        self.switched = true;
+        // Everything else that a picture is made of is compared with the last one's.
+        if let (Some(before), Some(scene)) = (before, &self.scene) {
+            let (old, new) = (&before.data, &scene.data);
+            self.relit |= (old.light, old.air, old.ellipsoid)
+                != (new.light, new.air, new.ellipsoid)
+                || old.refinement != new.refinement;
+        }
+        Ok(())
+    }
+
+    /// Moves the shown scene's sun without taking a new scene.
     pub fn set_sun(&mut self, direction: DVec3) {
         if let Some(scene) = &mut self.scene
             && scene.data.light.sun != direction
@@ -196,14 +245,22 @@ impl Renderer {
         std::mem::replace(&mut self.new_tiles, rest)
     }
 
-    /// Draws the view into every output and waits for the GPU. Draws nothing where nothing changed.
-    pub fn draw(&mut self, view: &ViewPoint) -> Result<FrameStatistics, RenderError> {
+    /// Draws the view of a scene into every output and waits for the GPU. Draws nothing where nothing changed. Then
+    /// goes on preparing the next scene, within the time that a frame has for processing.
+    pub fn draw(
+        &mut self,
+        view: &ViewPoint,
+        revision: u64,
+    ) -> Result<FrameStatistics, RenderError> {
+        self.show(revision)?;
         let arrivals = self.cache.generation();
         if let Some(last) = &self.last
             && !self.relit
+            && !self.switched
+            && self.next.is_none()
             && last.view == *view
             && (last.statistics.converged || last.waits_for_arrivals(arrivals))
-            && last.statistics.uploads == 0
+            && last.statistics.processed_tiles == 0
         {
             return Ok(FrameStatistics {
                 redrawn: false,
@@ -211,46 +268,40 @@ impl Renderer {
             });
         }
         self.frame += 1;
-        let (Some(scene), Some(meshes)) = (&self.scene, &mut self.meshes) else {
-            return Ok(FrameStatistics {
-                converged: true,
-                ..FrameStatistics::default()
-            });
+        let Some(scene) = self.scene.take() else {
+            return Err(RenderError::UnknownScene { revision });
         };
-        let mut gather = Gather {
-            gpu: &self.gpu,
-            cache: &self.cache,
-            textures: &mut self.textures,
-            meshes,
-            scene,
-            frame: self.frame,
-            upload_until: Instant::now() + self.budget.upload,
-            wants: Vec::new(),
-            pending: 0,
-            shown: Vec::new(),
-            statistics: FrameStatistics {
-                converged: true,
-                ..FrameStatistics::default()
-            },
-        };
+        let drawn = self.draw_scene(&scene, view, arrivals);
+        if self.frame == 1 {
+            // Not before: the first picture needs the processors itself.
+            self.processor.warm(&self.gpu);
+        }
+        self.scene = Some(scene);
+        drawn
+    }
+
+    fn draw_scene(
+        &mut self,
+        scene: &LoadedScene,
+        view: &ViewPoint,
+        arrivals: u64,
+    ) -> Result<FrameStatistics, RenderError> {
+        let begin = Instant::now();
+        let upload_until = begin + self.budget.upload;
         let blocks = plan_blocks(&self.outputs, view);
-        let (draws, records) = gather.run(view, &blocks);
-        let mut statistics = gather.statistics;
-        let wants = std::mem::take(&mut gather.wants);
-        let pending = gather.pending;
-        let shown = std::mem::take(&mut gather.shown);
-        self.new_tiles
-            .extend(shown.into_iter().filter(|number| self.used.insert(*number)));
-        statistics.pending_tiles = pending;
-        statistics.converged &= pending == 0;
-        self.cache.request(&wants);
-        let relit = std::mem::take(&mut self.relit);
+        let lacking_until = upload_until.max(begin + self.draw_time);
+        let mut gathered = self.gather(scene, view, &blocks, lacking_until)?;
+        let (relit, switched) = (
+            std::mem::take(&mut self.relit),
+            std::mem::take(&mut self.switched),
+        );
         let unchanged = self.last.as_ref().is_some_and(|last| {
             !relit
                 && last.view == *view
-                && last.draws == draws
-                && last.records == records
-                && statistics.meshes_built == 0
+                && last.draws == gathered.draws
+                && last.records == gathered.records
+                && gathered.statistics.meshes_built == 0
+                && gathered.statistics.processed_tiles == 0
         });
         if !unchanged {
             let frames: Vec<FrameUniform> = blocks
@@ -258,19 +309,91 @@ impl Renderer {
                 .map(|planned| frame_uniform(&scene.data, view, planned.screen, &planned.block))
                 .collect();
             self.pipelines
-                .write(&self.gpu, &self.textures, &frames, &records);
+                .write(&self.gpu, &self.textures, &frames, &gathered.records);
             let filled = filled_blocks(scene, view, &blocks);
-            self.render(&blocks, &draws, &filled)?;
+            let begin = Instant::now();
+            self.render(&blocks, &gathered.draws, &filled, scene.data.refinement)?;
+            self.draw_time = begin.elapsed().min(LONGEST_PROCESSING);
         }
-        statistics.redrawn = !unchanged;
+        gathered.statistics.redrawn = !unchanged;
+        if switched {
+            tracing::debug!(revision = scene.revision, "a scene is shown");
+        }
+        if let Some(next) = self.next.take() {
+            let ahead = self.gather(&next, view, &blocks, upload_until);
+            let revision = next.revision;
+            self.next = Some(next);
+            let ahead = ahead?;
+            gathered.wants.extend(ahead.wants);
+            // What the shown scene waits for as well does not keep the next one back: a viewer in flight always
+            // waits for something.
+            let prepared = !ahead.behind && ahead.pending.is_subset(&gathered.pending);
+            gathered.statistics.prepared = prepared.then_some(revision);
+            gathered.statistics.processed_tiles += ahead.statistics.processed_tiles;
+        }
+        self.cache.request(&gathered.wants);
         self.last = Some(LastFrame {
             view: view.clone(),
+            draws: gathered.draws,
+            records: gathered.records,
+            arrivals,
+            statistics: gathered.statistics,
+        });
+        Ok(gathered.statistics)
+    }
+
+    /// What a view needs of a scene: what is there, and as much more as can be made until then.
+    fn gather(
+        &mut self,
+        scene: &LoadedScene,
+        view: &ViewPoint,
+        blocks: &[PlannedBlock],
+        upload_until: Instant,
+    ) -> Result<Gathered, RenderError> {
+        let refinement = scene.data.refinement;
+        let of_scene = |(known, _): &&mut (u8, Meshes)| *known == refinement;
+        let Some((_, meshes)) = self.meshes.iter_mut().find(of_scene) else {
+            return Err(RenderError::UnknownScene {
+                revision: scene.revision,
+            });
+        };
+        let mut gather = Gather {
+            gpu: &self.gpu,
+            cache: &self.cache,
+            textures: &mut self.textures,
+            processor: &mut self.processor,
+            meshes,
+            scene,
+            shares: self.next.is_some() || self.last.is_some(),
+            frame: self.frame,
+            upload_until,
+            wants: Vec::new(),
+            pending: HashSet::new(),
+            behind: false,
+            broken: HashMap::new(),
+            shown: Vec::new(),
+            statistics: FrameStatistics {
+                converged: true,
+                ..FrameStatistics::default()
+            },
+        };
+        let (draws, records) = gather.run(view, blocks)?;
+        let mut statistics = gather.statistics;
+        statistics.pending_tiles = gather.pending.len() as u32;
+        statistics.converged &= gather.pending.is_empty() && !gather.behind;
+        let (pending, behind) = (std::mem::take(&mut gather.pending), gather.behind);
+        let wants = std::mem::take(&mut gather.wants);
+        let shown = std::mem::take(&mut gather.shown);
+        self.new_tiles
+            .extend(shown.into_iter().filter(|number| self.used.insert(*number)));
+        Ok(Gathered {
             draws,
             records,
-            arrivals,
+            wants,
+            pending,
+            behind,
             statistics,
-        });
-        Ok(statistics)
+        })
     }
 
     fn render(
@@ -278,8 +401,10 @@ impl Renderer {
         blocks: &[PlannedBlock],
         draws: &[BlockDraws],
         filled: &[bool],
+        refinement: u8,
     ) -> Result<(), RenderError> {
-        let Some(meshes) = &self.meshes else {
+        let of_scene = |(known, _): &&(u8, Meshes)| *known == refinement;
+        let Some((_, meshes)) = self.meshes.iter().find(of_scene) else {
             return Ok(());
         };
         let mut encoder = self
@@ -361,6 +486,32 @@ impl Renderer {
         Ok(())
     }
 
+    /// Latitude and longitude in degrees on the ellipsoid under a pixel of an output, y down, in the view drawn last.
+    /// `None` beside the planet, and where nothing is drawn.
+    #[must_use]
+    pub fn ground_under(&self, output: usize, pixel: [f64; 2]) -> Option<[f64; 2]> {
+        let (view, scene) = (&self.last.as_ref()?.view, self.scene.as_ref()?);
+        let (plan, _, _) = self.outputs.get(output)?;
+        let [x, y] = pixel;
+        let channel = plan.channels.iter().find(|channel| {
+            let [left, top] = channel.output_px.map(f64::from);
+            let (width, height) = (
+                f64::from(channel.canvas_px.width),
+                f64::from(channel.canvas_px.height),
+            );
+            (left..left + width).contains(&x) && (top..top + height).contains(&y)
+        })?;
+        let on_canvas = [
+            x - f64::from(channel.output_px[0]) + f64::from(channel.canvas_px.x),
+            y - f64::from(channel.output_px[1]) + f64::from(channel.canvas_px.y),
+        ];
+        let eye = *view.eyes.get(channel.screen)?;
+        let ray = view.room * view.screens.get(channel.screen)?.ray_through(on_canvas);
+        let normal = ground_hit(&scene.data.ellipsoid, eye, ray)?;
+        let (latitude_deg, longitude_deg) = Ellipsoid::angles_deg(normal);
+        Some([latitude_deg, longitude_deg])
+    }
+
     /// The finished pictures, in the order of the outputs.
     pub fn read_pictures(&self) -> Result<Vec<(String, Picture)>, RenderError> {
         self.outputs
@@ -385,6 +536,25 @@ impl Renderer {
     pub fn gpu(&self) -> &Arc<Gpu> {
         &self.gpu
     }
+}
+
+/// The geodetic normal where a ray from an eye first meets the ellipsoid.
+fn ground_hit(ellipsoid: &Ellipsoid, eye: DVec3, ray: DVec3) -> Option<DVec3> {
+    let (a, b) = (ellipsoid.semi_major_m, ellipsoid.semi_minor_m);
+    // In units of the semi-axes the ellipsoid is the unit sphere.
+    let (from, along) = (eye / DVec3::new(a, a, b), ray / DVec3::new(a, a, b));
+    let (square, half, rest) = (
+        along.length_squared(),
+        from.dot(along),
+        from.length_squared() - 1.0,
+    );
+    let discriminant = half * half - square * rest;
+    let distance = (-half - discriminant.sqrt()) / square;
+    // NaN where the ray misses.
+    (distance > 0.0).then(|| {
+        let hit = eye + ray * distance;
+        (hit / DVec3::new(a * a, a * a, b * b)).normalize()
+    })
 }
 
 /// All blocks of all channels of all outputs, in a fixed order.
@@ -412,7 +582,7 @@ fn plan_blocks(
 
 /// Whether the planet, at its lowest, fills each block.
 fn filled_blocks(scene: &LoadedScene, view: &ViewPoint, blocks: &[PlannedBlock]) -> Vec<bool> {
-    let floor_m = scene.ranges().floor_m();
+    let floor_m = Ranges(scene).floor_m();
     let (a, b) = (
         scene.data.ellipsoid.semi_major_m,
         scene.data.ellipsoid.semi_minor_m,

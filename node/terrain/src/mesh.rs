@@ -1,15 +1,16 @@
 //! The vertices of one leaf.
-//! In: a tile, its seams, a patch, resident elevation data. Out: vertices in exact fixed point, and their
-//! range of heights. Heights are exact integer arithmetic, so that all leaves that share a vertex make
-//! the same bits of it. It draws nothing and waits for nothing: data that is not there is an error.
+//! In: a tile, elevation layers with their seams, a patch, how layers fuse. Out: vertices in exact fixed point,
+//! and their range of heights. Samples are exact integer arithmetic and go through one function of the place,
+//! so that all leaves that share a vertex make the same bits of it. It draws nothing and waits for nothing.
 
 use geodesy::frame::FixedPoint;
-use geodesy::{CELLS, Direction, Ellipsoid, LatticePoint, NODES, Tile, st_to_uv};
+use geodesy::{CELLS, Ellipsoid, NODES, Tile, st_to_uv};
 use glam::DVec3;
 use thiserror::Error;
 
 use crate::patch::Patch;
 use crate::seams::DataLevels;
+use crate::source::LayerSources;
 
 /// The elevation of one tile on its lattice.
 pub trait Lattice {
@@ -70,6 +71,19 @@ pub struct Heights {
     pub highest_m: f64,
 }
 
+/// The most elevation layers that one mesh is made of.
+pub const MAX_ELEVATION_LAYERS: usize = 8;
+
+/// One elevation layer of a leaf: whose data it shows where, and that data.
+#[derive(Clone, Copy)]
+pub struct ElevationLayer<'a> {
+    /// The level of the layer's data inside the leaf and along its border, from [`seams`](crate::seams())
+    /// with what leaves show of this layer.
+    pub levels: DataLevels,
+    /// The layer's resident elevation for a tile of any level.
+    pub data: &'a dyn Fn(Tile) -> Option<&'a dyn Lattice>,
+}
+
 /// Why a mesh could not be built.
 #[derive(Debug, Error, PartialEq, Eq)]
 pub enum MeshError {
@@ -88,31 +102,57 @@ pub enum MeshError {
         /// The tile of the data.
         found: Tile,
     },
+    /// More layers than [`MAX_ELEVATION_LAYERS`].
+    #[error("{0} elevation layers: a mesh takes at most {MAX_ELEVATION_LAYERS}")]
+    TooManyLayers(usize),
+    /// The fuse function gave an infinite height or none that is a number.
+    #[error(
+        "the fused height at node {i}, {j} of tile {tile} is not finite: correct the layers' parameters"
+    )]
+    NotFinite {
+        /// The leaf.
+        tile: Tile,
+        /// The vertex along u, 0…256.
+        i: u16,
+        /// The vertex along v, 0…256.
+        j: u16,
+    },
 }
 
 /// Builds the vertices of `tile`, one for each of `patch.positions` and in their order, onto the end of `out`.
 ///
-/// Inner vertices take their height from the data of level `levels.inside`: the tile's own or an ancestor's.
-/// Border vertices take it from the level that `levels` gives for them, out of the first resident tile
-/// of that level, in the order of tiles, that touches the vertex; a leaf on the other side finds the same. Within coarser data
-/// heights are bilinear over the valid nodes, rounded half away from zero; where there are none the height is 0.
+/// At each vertex every layer gives a sample in its own quanta. At inner vertices it is the layer's data of
+/// level `levels.inside`: the tile's own or an ancestor's. Border vertices take the level that `levels` gives
+/// for them, out of the first resident tile of that level, in the order of tiles, that touches the vertex; a
+/// leaf on the other side finds the same. Within coarser data samples are bilinear over the valid nodes,
+/// rounded half away from zero. Where no valid node has any weight, or the level is
+/// [`NO_DATA`](crate::NO_DATA), the sample is `None`.
 ///
-/// `quantum_m` is what one unit of [`Lattice::height`] means, a power of two. `data` gives the resident
-/// elevation of a tile of any level. On an error `out` is as it was.
+/// `fuse` makes the height in metres above the ellipsoid out of the geodetic unit normal at the vertex and the
+/// samples there, one for each of `layers` and in their order. It must be finite and a function of
+/// these alone, whose bits depend on nothing else: then all leaves that share a vertex make the same bits of
+/// it, because normals and samples have the same bits in all of them.
+///
+/// At most [`MAX_ELEVATION_LAYERS`]. On an error `out` is as it was.
 pub fn build<'a>(
     ellipsoid: &Ellipsoid,
     tile: Tile,
-    levels: &DataLevels,
+    layers: &[ElevationLayer<'a>],
     patch: &Patch,
-    quantum_m: f64,
-    data: &dyn Fn(Tile) -> Option<&'a dyn Lattice>,
+    fuse: &dyn Fn(DVec3, &[Option<i32>]) -> f64,
     out: &mut Vec<Vertex>,
 ) -> Result<Heights, MeshError> {
-    let inside = Source::find(tile, levels.inside, &[], data)?;
-    let border = Border::find(tile, levels, data)?;
+    let mut samples = [None; MAX_ELEVATION_LAYERS];
+    let Some(samples) = samples.get_mut(..layers.len()) else {
+        return Err(MeshError::TooManyLayers(layers.len()));
+    };
+    let mut sources = Vec::with_capacity(layers.len());
+    for layer in layers {
+        sources.push(LayerSources::find(tile, layer)?);
+    }
     let axes = Axes::new(tile);
-    let (mut lowest, mut highest) = (i32::MAX, i32::MIN);
-    let edge = CELLS as u16;
+    let (mut lowest_m, mut highest_m) = (f64::INFINITY, f64::NEG_INFINITY);
+    let before = out.len();
     out.reserve(patch.positions.len());
     let [right, up, outward] = tile.face().frame();
     let mut row = u16::MAX;
@@ -122,21 +162,22 @@ pub fn build<'a>(
             row = j;
             row_start = outward + up * axes.v(j);
         }
-        let on_border = i == 0 || j == 0 || i == edge || j == edge;
-        let source = if on_border {
-            border.at(i, j)
-        } else {
-            inside.as_ref()
-        };
-        let quanta = source.map_or(0, |source| source.height(i64::from(i), i64::from(j)));
-        lowest = lowest.min(quanta);
-        highest = highest.max(quanta);
+        for (sample, source) in samples.iter_mut().zip(&sources) {
+            *sample = source.sample(i, j);
+        }
         // The axes' vectors have one component each, so the sum only gathers u, v and 1. From there on the
         // same operations in the same order as LatticePoint::normal, whose bits these are.
         let cube = row_start + right * axes.u(i);
         let length = (cube.x * cube.x + cube.y * cube.y + cube.z * cube.z).sqrt();
         let normal = DVec3::new(cube.x / length, cube.y / length, cube.z / length);
-        let position = ellipsoid.point(normal, f64::from(quanta) * quantum_m);
+        let height_m = fuse(normal, samples);
+        if !height_m.is_finite() {
+            out.truncate(before);
+            return Err(MeshError::NotFinite { tile, i, j });
+        }
+        lowest_m = lowest_m.min(height_m);
+        highest_m = highest_m.max(height_m);
+        let position = ellipsoid.point(normal, height_m);
         out.push(Vertex {
             position: FixedPoint::from_ecef(position).words(),
             normal: snorm(normal),
@@ -144,8 +185,8 @@ pub fn build<'a>(
         });
     }
     Ok(Heights {
-        lowest_m: f64::from(lowest) * quantum_m,
-        highest_m: f64::from(highest) * quantum_m,
+        lowest_m,
+        highest_m,
     })
 }
 
@@ -178,191 +219,5 @@ impl Axes {
 
     fn v(&self, j: u16) -> f64 {
         st_to_uv((self.y + f64::from(j)) * self.per_step)
-    }
-}
-
-/// Resident data as seen from one leaf.
-#[derive(Clone, Copy)]
-struct Source<'a> {
-    lattice: &'a dyn Lattice,
-    leaf: Tile,
-    tile: Tile,
-    /// Levels between the leaf and the data; positions count in 2^-shift lattice units of the data.
-    shift: u32,
-    /// Where the leaf's node (0, 0) lies in the data, where that is the leaf's own or an ancestor's;
-    /// `None` for data of a tile beside, maybe across a face edge.
-    origin: Option<(i64, i64)>,
-}
-
-impl<'a> Source<'a> {
-    /// The first resident tile at `level` among the leaf's ancestor and the tiles beside that in the given
-    /// directions; no data at all for a negative level.
-    fn find(
-        leaf: Tile,
-        level: i8,
-        beside: &[Direction],
-        data: &dyn Fn(Tile) -> Option<&'a dyn Lattice>,
-    ) -> Result<Option<Self>, MeshError> {
-        let Ok(level) = u8::try_from(level) else {
-            return Ok(None);
-        };
-        let own = leaf.ancestor(level);
-        let mut candidates = [Some(own), None, None, None];
-        for (slot, direction) in candidates[1..].iter_mut().zip(beside) {
-            *slot = own.neighbour(*direction);
-        }
-        candidates.sort_unstable();
-        for wanted in candidates.into_iter().flatten() {
-            let Some(lattice) = data(wanted) else {
-                continue;
-            };
-            let found = lattice.tile();
-            if found != wanted {
-                return Err(MeshError::WrongTile { wanted, found });
-            }
-            let shift = u32::from(leaf.level() - wanted.level());
-            let origin = wanted.contains(leaf).then(|| {
-                let along =
-                    |leaf: u32, data: u32| (i64::from(leaf) - (i64::from(data) << shift)) * CELLS;
-                (along(leaf.x(), wanted.x()), along(leaf.y(), wanted.y()))
-            });
-            return Ok(Some(Self {
-                lattice,
-                leaf,
-                tile: wanted,
-                shift,
-                origin,
-            }));
-        }
-        Err(MeshError::NotResident { tile: own })
-    }
-
-    /// The height in quanta at the leaf's node (i, j).
-    fn height(&self, i: i64, j: i64) -> i32 {
-        let position = match self.origin {
-            Some(_) if self.shift == 0 => return self.lattice.height(i, j).unwrap_or(0),
-            Some((u, v)) => Some((u + i, v + j)),
-            None => LatticePoint::of_tile(self.leaf, i, j).position_in(self.tile),
-        };
-        // Sources beside are chosen because they touch, so there always is a position.
-        position.map_or(0, |(u, v)| bilinear(self.lattice, u, v, self.shift))
-    }
-}
-
-/// Up to this shift 64 bits hold twice the weighted sum of heights: 1 + 31 + 2 · 14 bits.
-const NARROW_SHIFT: u32 = 14;
-
-/// The bilinear height at a position in 2^-shift lattice units, over the valid nodes around it.
-///
-/// The result is that of exact rational arithmetic: it does not depend on the shift in which a position is
-/// expressed, and on a line between two nodes, not on what lies on either side.
-fn bilinear(lattice: &dyn Lattice, u: i64, v: i64, shift: u32) -> i32 {
-    let one = 1_i64 << shift;
-    let (i, j) = (u >> shift, v >> shift);
-    let (right, up) = (u & (one - 1), v & (one - 1));
-    // Weights reach 2^44 and heights 2^31: data that much coarser than its leaf is rare, but nothing
-    // forbids it, and 64 bits do not hold the sum.
-    let (mut sum, mut weights) = (0_i128, 0_i128);
-    for (dj, weight_v) in [(0, one - up), (1, up)] {
-        for (di, weight_u) in [(0, one - right), (1, right)] {
-            let weight = weight_u * weight_v;
-            if weight != 0
-                && let Some(height) = lattice.height(i + di, j + dj)
-            {
-                sum += i128::from(weight) * i128::from(height);
-                weights += i128::from(weight);
-            }
-        }
-    }
-    if weights == 0 {
-        return 0;
-    }
-    let rounded = if shift <= NARROW_SHIFT {
-        let (sum, weights) = (sum as i64, weights as i64);
-        (2 * sum.abs() + weights) / (2 * weights) * sum.signum()
-    } else {
-        ((2 * sum.abs() + weights) / (2 * weights) * sum.signum()) as i64
-    };
-    rounded as i32
-}
-
-/// The data along a leaf's border.
-struct Border<'a> {
-    corners: [Option<Source<'a>>; 4],
-    /// For each of [`Direction::EDGES`] the two halves and, between, the vertex in the middle.
-    edges: [[Option<Source<'a>>; 3]; 4],
-}
-
-impl<'a> Border<'a> {
-    fn find(
-        leaf: Tile,
-        levels: &DataLevels,
-        data: &dyn Fn(Tile) -> Option<&'a dyn Lattice>,
-    ) -> Result<Self, MeshError> {
-        // Tiles beside the ancestor matter where the leaf lies on its ancestor's edge.
-        let touches = |level: i8, edge: Direction| {
-            let own = leaf.ancestor(u8::try_from(level).unwrap_or(0));
-            let shift = leaf.level() - own.level();
-            match edge {
-                Direction::Left => leaf.x() == own.x() << shift,
-                Direction::Right => leaf.x() + 1 == (own.x() + 1) << shift,
-                Direction::Down => leaf.y() == own.y() << shift,
-                _ => leaf.y() + 1 == (own.y() + 1) << shift,
-            }
-        };
-        let mut edges = [[None; 3]; 4];
-        for ((edge, sources), [first, second]) in Direction::EDGES
-            .into_iter()
-            .zip(&mut edges)
-            .zip(levels.half_edges)
-        {
-            let find = |level: i8| {
-                let beside: &[Direction] = if touches(level, edge) { &[edge] } else { &[] };
-                Source::find(leaf, level, beside, data)
-            };
-            let low = find(first)?;
-            let high = if second == first { low } else { find(second)? };
-            *sources = [low, if first <= second { low } else { high }, high];
-        }
-        let mut corners = [None; 4];
-        let around = [
-            (Direction::Left, Direction::Down, Direction::LeftDown),
-            (Direction::Right, Direction::Down, Direction::RightDown),
-            (Direction::Left, Direction::Up, Direction::LeftUp),
-            (Direction::Right, Direction::Up, Direction::RightUp),
-        ];
-        for ((source, level), (side, end, corner)) in
-            corners.iter_mut().zip(levels.corners).zip(around)
-        {
-            let beside: &[Direction] = match (touches(level, side), touches(level, end)) {
-                (true, true) => &[side, end, corner],
-                (true, false) => &[side],
-                (false, true) => &[end],
-                (false, false) => &[],
-            };
-            *source = Source::find(leaf, level, beside, data)?;
-        }
-        Ok(Self { corners, edges })
-    }
-
-    /// The data for a vertex on the border.
-    fn at(&self, i: u16, j: u16) -> Option<&Source<'a>> {
-        let last = CELLS as u16;
-        let half = |along: u16| match along.cmp(&(last / 2)) {
-            std::cmp::Ordering::Less => 0,
-            std::cmp::Ordering::Equal => 1,
-            std::cmp::Ordering::Greater => 2,
-        };
-        let found = match ((i == 0, i == last), (j == 0, j == last)) {
-            ((true, _), (true, _)) => &self.corners[0],
-            ((_, true), (true, _)) => &self.corners[1],
-            ((true, _), (_, true)) => &self.corners[2],
-            ((_, true), (_, true)) => &self.corners[3],
-            ((true, _), _) => &self.edges[0][half(j)],
-            ((_, true), _) => &self.edges[1][half(j)],
-            (_, (true, _)) => &self.edges[2][half(i)],
-            _ => &self.edges[3][half(i)],
-        };
-        found.as_ref()
     }
 }

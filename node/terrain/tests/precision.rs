@@ -7,11 +7,11 @@
 
 mod common;
 
-use common::{Noise, PLACES, Random, Resident, lookup};
+use common::{Noise, PLACES, Random, Resident, build_one, lookup};
 use geodesy::frame::{FixedPoint, matrix_f32};
 use geodesy::{Ellipsoid, LatticePoint, TilePosition};
 use glam::{DMat4, DVec3, DVec4};
-use terrain::{Lattice, Patch, Seams, build};
+use terrain::{Lattice, Patch, Seams};
 
 /// Wall pixels per radian, the densest that must hold.
 const PIXELS_PER_RADIAN: f64 = 2000.0;
@@ -46,7 +46,7 @@ fn vertices_land_within_a_hundredth_of_a_pixel() {
         let resident = Resident::from([(tile, noise)]);
         let mut vertices = Vec::new();
         let levels = Seams::uniform(level as i8).levels;
-        build(
+        build_one(
             &ellipsoid,
             tile,
             &levels,
@@ -113,7 +113,7 @@ fn normals_are_those_of_the_ellipsoid() {
     let ellipsoid = Ellipsoid::MARS;
     let tile = geodesy::Tile::new(4, 3, 5, 2).unwrap();
     let mut vertices = Vec::new();
-    build(
+    build_one(
         &ellipsoid,
         tile,
         &Seams::uniform(-1).levels,

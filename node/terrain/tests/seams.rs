@@ -9,11 +9,10 @@ mod common;
 
 use std::collections::HashMap;
 
-use common::{Noise, PLACES, Random, Resident, lookup};
+use common::{Noise, PLACES, Random, Resident, build_one, lookup};
 use geodesy::{Ellipsoid, Tile};
 use terrain::{
-    DataLevels, LodLimits, LodView, MeshError, Patch, Seams, Selection, Walker, build, seams,
-    select,
+    DataLevels, LodLimits, LodView, MeshError, Patch, Seams, Selection, Walker, seams, select,
 };
 
 /// Builds every leaf of the planet and walks all edges.
@@ -30,7 +29,7 @@ fn planet_is_closed(
     for leaf in selection.leaves() {
         let Seams { variant, levels } = seams(*leaf, selection, &|tile| shown[&tile]);
         vertices.clear();
-        build(
+        build_one(
             ellipsoid,
             *leaf,
             &levels,
@@ -144,7 +143,7 @@ fn it_does_not_matter_which_resident_tile_answers() {
             });
             let own: Resident = own.collect();
             let mut vertices = Vec::new();
-            build(
+            build_one(
                 &ellipsoid,
                 *leaf,
                 &levels,
@@ -212,7 +211,7 @@ fn a_changed_height_opens_a_gap_that_the_walker_finds() {
     for (number, leaf) in selection.leaves().iter().enumerate() {
         let mut vertices = Vec::new();
         let seams = seams(*leaf, &selection, &|_| None);
-        build(
+        build_one(
             &ellipsoid,
             *leaf,
             &seams.levels,
@@ -275,7 +274,7 @@ fn borders_take_the_coarsest_data_and_insides_their_own() {
     };
     let resident = Resident::from([(leaf, noise)]);
     let mut vertices = Vec::new();
-    let heights = build(
+    let heights = build_one(
         &ellipsoid,
         leaf,
         &coarse.levels,
@@ -310,7 +309,7 @@ fn data_that_went_away_is_named_and_nothing_is_left_behind() {
     let patch = Patch::new(1).unwrap();
     let mut vertices = Vec::new();
     let levels = Seams::uniform(3).levels;
-    let error = build(
+    let error = build_one(
         &ellipsoid,
         leaf,
         &levels,
@@ -333,7 +332,7 @@ fn data_that_went_away_is_named_and_nothing_is_left_behind() {
         amplitude: 1,
         holes: 0,
     };
-    let error = build(
+    let error = build_one(
         &ellipsoid,
         leaf,
         &levels,
@@ -375,7 +374,7 @@ fn coarse_data_is_bilinear_over_the_valid_nodes() {
     let levels = Seams::uniform(0).levels;
     let patch = Patch::new(7).unwrap();
     let ellipsoid = Ellipsoid::MOON;
-    build(
+    build_one(
         &ellipsoid,
         leaf,
         &levels,
@@ -428,7 +427,7 @@ fn data_22_levels_coarser_does_not_overflow() {
     let leaf = Tile::new(1, 22, 1234, 4321).unwrap();
     let data = Extreme(root);
     let mut vertices = Vec::new();
-    let heights = build(
+    let heights = build_one(
         &Ellipsoid::EARTH,
         leaf,
         &Seams::uniform(0).levels,

@@ -11,10 +11,10 @@ mod common;
 
 use std::time::Instant;
 
-use common::{PLACES, view};
+use common::{PLACES, build_one, view};
 use geodesy::{Ellipsoid, Horizon, LatticePoint, Tile};
 use glam::DVec3;
-use terrain::{Frustum, Lattice, LodLimits, Patch, build, cull, seams, select};
+use terrain::{Frustum, Lattice, LodLimits, Patch, cull, seams, select};
 
 fn fastest_us(mut work: impl FnMut()) -> f64 {
     (0..30)
@@ -104,7 +104,7 @@ fn times() {
             let us = fastest_us(|| {
                 vertices.clear();
                 let find = |tile| data.iter().find(|d| d.0 == tile).map(|d| d as &dyn Lattice);
-                build(
+                build_one(
                     &earth,
                     tile,
                     &levels,

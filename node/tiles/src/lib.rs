@@ -26,6 +26,8 @@ pub use inspect::{
     BrokenTile, InspectError, LevelSummary, Summary, TileSummary, ValueAt, inspect_repository,
     inspect_tile, value_at,
 };
-pub use loader::{CacheConfig, CacheError, Counters, Lookup, OpenDataset, TileCache, Wish, Wishes};
+pub use loader::{
+    CacheConfig, CacheError, Counters, Lookup, OpenDataset, ReadError, TileCache, Wish, Wishes,
+};
 pub use publish::PublishError;
 pub use repository::{Repository, RepositoryError, Source, SourceError};

@@ -22,11 +22,11 @@ use thiserror::Error;
 
 use crate::dataset::{Dataset, DatasetId};
 use crate::disk::DiskCache;
-use crate::format::TileData;
+use crate::format::{DecodeError, TileData};
 use crate::index::Index;
 use crate::publish::PublishError;
 use crate::ram::RamCache;
-use crate::repository::{Repository, RepositoryError, Source};
+use crate::repository::{Repository, RepositoryError, Source, SourceError};
 use queue::Queue;
 
 /// How much a cache may use.
@@ -51,6 +51,22 @@ pub enum CacheError {
     /// The system gives no threads.
     #[error("cannot start a loader thread: {0}")]
     Threads(std::io::Error),
+}
+
+/// Why a tile could not be read beside the cache.
+#[derive(Debug, Error)]
+pub enum ReadError {
+    /// Its bytes could not be had.
+    #[error(transparent)]
+    Source(#[from] SourceError),
+    /// Its bytes are no such tile.
+    #[error("tile {tile}: {source}")]
+    Decode {
+        /// The tile.
+        tile: Tile,
+        /// What is wrong with it.
+        source: DecodeError,
+    },
 }
 
 /// A data set that tiles can be loaded from.
@@ -152,6 +168,18 @@ impl OpenDataset {
             index,
             source,
         }
+    }
+
+    /// Reads one tile past the cache, while the caller waits: for figures of the data set that must be known
+    /// before anything is shown. `None` where there is no such tile.
+    pub fn read_now(&self, tile: Tile) -> Result<Option<TileData>, ReadError> {
+        let Some(bytes) = self.source.fetch(tile)? else {
+            return Ok(None);
+        };
+        let decoded = TileData::decode_tile(&bytes, tile);
+        decoded
+            .map(Some)
+            .map_err(|source| ReadError::Decode { tile, source })
     }
 
     /// Opens the repository in a directory and reads its index.

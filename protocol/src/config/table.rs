@@ -4,9 +4,10 @@
 
 use std::ops::Range;
 
+use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-use super::{ConfigError, Document, Fault, type_name};
+use super::{ConfigError, Document, Fault, key_text, type_name};
 
 /// A table of a document.
 pub(crate) struct Table<'d, 'i> {
@@ -62,13 +63,7 @@ impl<'d, 'i> Table<'d, 'i> {
 
     /// The value of a key, if it is there.
     pub(crate) fn get(&self, key: &str) -> Option<Value<'d, 'i>> {
-        let value = self.table.get(key)?;
-        Some(Value {
-            document: self.document,
-            value: value.get_ref(),
-            span: value.span(),
-            path: self.path_of(key),
-        })
+        self.table.get(key).map(|value| self.value(key, value))
     }
 
     /// The value of a key that must be there. `example` shows what to write.
@@ -90,9 +85,30 @@ impl<'d, 'i> Table<'d, 'i> {
             .error(fault, self.span.clone(), self.path.clone(), advice.into())
     }
 
+    /// Its keys and their values, in the order of the text.
+    pub(crate) fn entries(&self) -> Vec<(String, Value<'d, 'i>)> {
+        let mut entries: Vec<_> = self.table.iter().collect();
+        entries.sort_by_key(|(key, _)| key.span().start);
+        let owned = entries.into_iter().map(|(key, value)| {
+            let name = key.get_ref().as_ref();
+            (name.to_owned(), self.value(name, value))
+        });
+        owned.collect()
+    }
+
+    fn value(&self, key: &str, value: &'d Spanned<DeValue<'i>>) -> Value<'d, 'i> {
+        Value {
+            document: self.document,
+            value: value.get_ref(),
+            span: value.span(),
+            path: self.path_of(key),
+        }
+    }
+
     fn path_of(&self, key: &str) -> String {
+        let key = key_text(key);
         if self.path.is_empty() {
-            key.to_owned()
+            key
         } else {
             format!("{}.{key}", self.path)
         }
@@ -185,11 +201,25 @@ impl<'d, 'i> Value<'d, 'i> {
         self.value.is_table()
     }
 
+    /// Whether it is a text.
+    pub(crate) fn is_text(&self) -> bool {
+        self.value.is_str()
+    }
+
+    /// Whether it is a list.
+    pub(crate) fn is_list(&self) -> bool {
+        self.value.is_array()
+    }
+
     /// A list of tables.
     pub(crate) fn tables(&self) -> Result<Vec<Table<'d, 'i>>, ConfigError> {
-        let advice = || format!("a list of tables, each under [[{}]]", self.path);
+        self.tables_like(&format!("each under [[{}]]", self.path))
+    }
+
+    /// A list of tables. `example` shows how they are written.
+    pub(crate) fn tables_like(&self, example: &str) -> Result<Vec<Table<'d, 'i>>, ConfigError> {
         if !self.value.is_array() {
-            return Err(self.wrong_type(&advice()));
+            return Err(self.wrong_type(&format!("a list of tables, {example}")));
         }
         self.list().iter().map(Self::table).collect()
     }
@@ -240,9 +270,15 @@ impl<'d, 'i> Value<'d, 'i> {
 /// Units that end a key.
 const UNITS: [&str; 10] = ["m", "km", "mm", "cm", "px", "deg", "rad", "s", "ms", "mib"];
 
+/// Longest key, in bytes, that may be a misspelling of another.
+const LONGEST_WORD: usize = 64;
+
 /// The known key that was probably meant: the same word with another unit or none, the same letters in
 /// another order, or at most two letters different.
-fn nearest<'k>(key: &str, known: &[&'k str]) -> Option<&'k str> {
+pub(crate) fn nearest<'k>(key: &str, known: &[&'k str]) -> Option<&'k str> {
+    if key.len() > LONGEST_WORD {
+        return None;
+    }
     let same_word = known.iter().find(|candidate| stem(candidate) == stem(key));
     let letters = |word: &str| {
         let mut letters: Vec<char> = word.chars().collect();

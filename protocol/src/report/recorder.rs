@@ -3,9 +3,9 @@
 
 use std::collections::{BTreeMap, HashSet};
 
-use hdrhistogram::Histogram;
-
-use super::{Max, NodeReport, Quantiles, QuantilesAndMax, Report, Series, TileReport};
+use super::changes::ChangeTally;
+use super::tally::{SeriesTally, Tally};
+use super::{Max, NodeReport, Report, TileReport};
 use crate::barrier::NodeId;
 use crate::membership::Membership;
 use crate::message::{Presented, TileCounters};
@@ -13,14 +13,10 @@ use crate::wall::Wall;
 
 /// Frames whose reports are still waited for.
 const OPEN_FRAMES: usize = 256;
-/// Values of a series before it is thinned out.
-const SERIES_LENGTH: usize = 16_384;
 /// Errors that are kept.
 const MAX_ERRORS: usize = 100;
 /// Tiles that are told apart.
 const MAX_TILES: usize = 4_000_000;
-/// Largest value of a histogram: ten minutes in microseconds.
-const LONGEST_US: u64 = 600_000_000;
 
 /// Collects the measurements of a run.
 #[derive(Debug)]
@@ -42,13 +38,17 @@ pub struct Recorder {
     tiles: HashSet<u64>,
     errors: Vec<String>,
     series: SeriesTally,
+    changes: ChangeTally,
 }
 
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 struct OpenFrame {
     earliest_us: i64,
     latest_us: i64,
-    reports: u32,
+    /// Nothing was missing in any picture of it so far.
+    converged: bool,
+    /// Which nodes have presented it.
+    presented_by: Vec<bool>,
 }
 
 #[derive(Debug)]
@@ -57,20 +57,8 @@ struct NodeTally {
     triangles: u64,
     counters: TileCounters,
     converged: bool,
+    first_frame: Option<u64>,
     newest_frame: u64,
-}
-
-/// A histogram with three significant digits that takes no value above ten minutes.
-#[derive(Debug)]
-struct Tally(Option<Histogram<u32>>);
-
-#[derive(Debug)]
-struct SeriesTally {
-    stride: u64,
-    pending: u64,
-    frame_ms: f32,
-    skew_us: f32,
-    series: Series,
 }
 
 impl Recorder {
@@ -82,6 +70,7 @@ impl Recorder {
             triangles: 0,
             counters: TileCounters::default(),
             converged: false,
+            first_frame: None,
             newest_frame: 0,
         };
         Self {
@@ -102,6 +91,7 @@ impl Recorder {
             tiles: HashSet::new(),
             errors: Vec::new(),
             series: SeriesTally::new(),
+            changes: ChangeTally::new(),
         }
     }
 
@@ -127,6 +117,8 @@ impl Recorder {
             tally.newest_frame = presented.frame;
             tally.converged = presented.converged;
         }
+        let first_frame = tally.first_frame.unwrap_or(u64::MAX);
+        tally.first_frame = Some(first_frame.min(presented.frame));
         self.latency_us.add(i64::from(presented.view_latency_us));
         self.view_to_present_us
             .add(i64::from(presented.view_to_present_us));
@@ -135,15 +127,22 @@ impl Recorder {
             return;
         }
         let moment_us = presented.presented_us;
-        let new = OpenFrame {
-            earliest_us: moment_us,
-            latest_us: moment_us,
-            reports: 0,
-        };
-        let frame = self.open.entry(presented.frame).or_insert(new);
+        let nodes = self.nodes.len();
+        let frame = self
+            .open
+            .entry(presented.frame)
+            .or_insert_with(|| OpenFrame {
+                earliest_us: moment_us,
+                latest_us: moment_us,
+                converged: true,
+                presented_by: vec![false; nodes],
+            });
         frame.earliest_us = frame.earliest_us.min(moment_us);
         frame.latest_us = frame.latest_us.max(moment_us);
-        frame.reports += 1;
+        frame.converged &= presented.converged;
+        if let Some(presented_by) = frame.presented_by.get_mut(node) {
+            *presented_by = true;
+        }
         while self.open.len() > OPEN_FRAMES {
             self.close_oldest();
         }
@@ -159,6 +158,29 @@ impl Recorder {
         self.tiles.extend(new_tiles.iter().take(room));
     }
 
+    /// A change of the scene was accepted as this revision; `now_us` is on the master's clock.
+    pub fn change_submitted(&mut self, revision: u64, now_us: i64) {
+        self.changes.submitted(revision, now_us);
+    }
+
+    /// A revision was overtaken by a later one before any frame showed it. Like the two below, it counts only if the
+    /// revision's submission was counted, so that the numbers of a report fit each other.
+    pub fn change_superseded(&mut self, revision: u64) {
+        self.changes.superseded(revision);
+    }
+
+    /// A node cannot show a revision, so no node does.
+    pub fn change_refused(&mut self, revision: u64) {
+        self.changes.refused(revision);
+    }
+
+    /// It was decided at `now_us`, on the master's clock, to show a revision from this frame on;
+    /// `unprepared` members had not prepared it. When it was on all of the wall follows from
+    /// [`Recorder::presented`].
+    pub fn change_shown(&mut self, revision: u64, frame: u64, unprepared: usize, now_us: i64) {
+        self.changes.shown(revision, frame, unprepared, now_us);
+    }
+
     /// Something went wrong.
     pub fn error(&mut self, message: impl Into<String>) {
         if self.errors.len() < MAX_ERRORS {
@@ -170,7 +192,7 @@ impl Recorder {
     /// begins once the wall is complete.
     pub fn restart(&mut self) {
         if let Some((newest, _)) = self.open.last_key_value() {
-            self.closed_below = newest + 1;
+            self.closed_below = newest.saturating_add(1);
         }
         self.open.clear();
         self.frames = 0;
@@ -181,6 +203,7 @@ impl Recorder {
         self.view_to_present_us = Tally::new();
         self.clock_error_us = 0;
         self.series = SeriesTally::new();
+        self.changes = ChangeTally::new();
         for node in &mut self.nodes {
             node.draw_us = Tally::new();
             node.triangles = 0;
@@ -230,6 +253,12 @@ impl Recorder {
             },
             tiles: self.tile_report(),
             converged: !self.nodes.is_empty() && self.nodes.iter().all(|node| node.converged),
+            missed_deadlines: membership
+                .nodes()
+                .iter()
+                .map(|node| node.missed_deadlines)
+                .sum(),
+            changes: self.changes.report(),
             nodes: nodes.collect(),
             errors: self.errors.clone(),
             series: self.series.finish(),
@@ -254,10 +283,14 @@ impl Recorder {
         let Some((number, frame)) = self.open.pop_first() else {
             return;
         };
-        self.closed_below = number + 1;
+        self.closed_below = number.saturating_add(1);
         self.frames += 1;
+        if self.was_on_all_nodes(number, &frame) {
+            self.changes
+                .presented(number, frame.latest_us, frame.converged);
+        }
         let skew_us = frame.latest_us.saturating_sub(frame.earliest_us);
-        if frame.reports > 1 {
+        if frame.presented_by.iter().filter(|by| **by).count() > 1 {
             self.skew_us.add(skew_us);
         }
         let frame_us = match self.previous_us {
@@ -273,95 +306,18 @@ impl Recorder {
         }
         self.previous_us = Some(frame.latest_us);
     }
-}
 
-impl Tally {
-    fn new() -> Self {
-        // These bounds are always valid; a histogram that cannot be made measures nothing.
-        Self(Histogram::new_with_bounds(1, LONGEST_US, 3).ok())
-    }
-
-    /// Counts a value; below 0 (clock error) it counts as 0.
-    fn add(&mut self, value: i64) {
-        if let Some(histogram) = &mut self.0 {
-            histogram.saturating_record(value.max(0).unsigned_abs());
-        }
-    }
-
-    fn at(&self, quantile: f64) -> f64 {
-        self.0.as_ref().map_or(0.0, |histogram| {
-            histogram.value_at_quantile(quantile) as f64
+    /// Whether every node presented a frame that is being closed. A node counts from its first frame on,
+    /// and until it has been silent for as many frames as are kept open: then it is gone, and its last
+    /// frame was before the one in question.
+    fn was_on_all_nodes(&self, number: u64, frame: &OpenFrame) -> bool {
+        let newest = self.nodes.iter().map(|node| node.newest_frame).max();
+        let silent_below = newest.unwrap_or(0).saturating_sub(OPEN_FRAMES as u64);
+        let mut nodes = self.nodes.iter().zip(&frame.presented_by);
+        nodes.all(|(node, presented)| {
+            let is_there = node.first_frame.is_some_and(|first| first <= number)
+                && node.newest_frame >= silent_below;
+            *presented || !is_there
         })
     }
-
-    fn quantiles(&self, factor: f64) -> Quantiles {
-        Quantiles {
-            p50: self.at(0.5) * factor,
-            p99: self.at(0.99) * factor,
-        }
-    }
-
-    fn quantiles_and_max(&self) -> QuantilesAndMax {
-        let max = self
-            .0
-            .as_ref()
-            .map_or(0.0, |histogram| histogram.max() as f64);
-        // A histogram rounds up within its precision; a quantile must not exceed the maximum.
-        QuantilesAndMax {
-            p50: self.at(0.5).min(max),
-            p99: self.at(0.99).min(max),
-            max,
-        }
-    }
-}
-
-impl SeriesTally {
-    fn new() -> Self {
-        Self {
-            stride: 1,
-            pending: 0,
-            frame_ms: 0.0,
-            skew_us: 0.0,
-            series: Series::default(),
-        }
-    }
-
-    fn add(&mut self, frame_ms: f32, skew_us: f32) {
-        self.frame_ms = self.frame_ms.max(frame_ms);
-        self.skew_us = self.skew_us.max(skew_us);
-        self.pending += 1;
-        if self.pending < self.stride {
-            return;
-        }
-        self.push();
-        if self.series.frame_ms.len() >= SERIES_LENGTH {
-            self.stride *= 2;
-            halve(&mut self.series.frame_ms);
-            halve(&mut self.series.skew_us);
-        }
-    }
-
-    fn push(&mut self) {
-        self.series
-            .frame_ms
-            .push(std::mem::take(&mut self.frame_ms));
-        self.series.skew_us.push(std::mem::take(&mut self.skew_us));
-        self.pending = 0;
-    }
-
-    fn finish(&mut self) -> Series {
-        if self.pending > 0 {
-            self.push();
-        }
-        self.series.stride = self.stride;
-        self.series.clone()
-    }
-}
-
-/// Keeps the larger of each pair of values.
-fn halve(values: &mut Vec<f32>) {
-    *values = values
-        .chunks(2)
-        .map(|pair| pair.iter().copied().fold(0.0, f32::max))
-        .collect();
 }

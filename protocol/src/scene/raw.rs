@@ -3,40 +3,193 @@
 
 use geodesy::Ellipsoid;
 
-use super::{Atmosphere, Layer, LayerKind, Light, MeshOptions, Scene, Sun};
+use super::fields::{self, Keyed};
+use super::slot::read_name;
+use super::{
+    Atmosphere, Layer, LayerKind, LayerParameters, Lens, LensLayer, Light, MeshOptions, Scene, Sun,
+    check,
+};
 use crate::camera::{Camera, Keyframe, Orbit, Path, Place};
-use crate::config::{ConfigError, Document, Fault, Table, Value};
+use crate::config::{ConfigError, Document, Fault, Table, Value, nearest};
 
 const PLACE: &str = "place = { latitude_deg = 45.8, longitude_deg = 6.9, altitude_m = 9000, heading_deg = 0, pitch_deg = -30 }";
+const LAYER: &str = "[layers.relief] with kind = \"elevation\" and a repository";
+const LENS: &str =
+    "[lenses.loupe] with latitude_deg = 45.8, longitude_deg = 6.9 and radius_m = 20000";
+
+/// The keys of the whole file.
+pub(super) const KEYS: [&str; 7] = [
+    "planet",
+    "camera",
+    "layers",
+    "lenses",
+    "light",
+    "atmosphere",
+    "mesh",
+];
 
 /// Reads the whole file.
 pub(super) fn read(document: &Document<'_>) -> Result<Scene, ConfigError> {
-    let keys = ["planet", "camera", "layers", "light", "atmosphere", "mesh"];
-    let root = document.root().only(&keys)?;
+    let root = document.root().only(&KEYS)?;
     let camera = root
         .require("camera", "[camera] with mode = \"fixed\" and a place")?
         .table()?;
-    let layers = root
-        .require("layers", "[[layers]] with name, kind and repository")?
-        .tables()?;
+    let mut layers = Vec::new();
+    for (name, table) in named_tables(&root.require("layers", LAYER)?, LAYER)? {
+        layers.push(read_layer(name, table)?);
+    }
+    let mut lenses = Vec::new();
+    if let Some(value) = root.get("lenses") {
+        for (name, table) in named_tables(&value, LENS)? {
+            lenses.push(read_lens(name, table, &layers)?);
+        }
+    }
+    let mut light = Light::default();
+    if let Some(value) = root.get("light") {
+        let table = only(value.table()?, &light, &["sun"])?;
+        light.sun = table
+            .get("sun")
+            .map_or(Ok(light.sun), |value| read_sun(&value))?;
+        fields::read(&table, &mut light)?;
+    }
     Ok(Scene {
         planet: root
             .get("planet")
             .map_or(Ok(Ellipsoid::EARTH), |value| read_planet(&value))?,
         camera: read_camera(camera)?,
-        layers: layers
-            .into_iter()
-            .map(read_layer)
-            .collect::<Result<_, _>>()?,
-        light: root
-            .get("light")
-            .map_or(Ok(Light::default()), |value| read_light(&value))?,
-        atmosphere: root
-            .get("atmosphere")
-            .map_or(Ok(Atmosphere::default()), |value| read_atmosphere(&value))?,
-        mesh: root
-            .get("mesh")
-            .map_or(Ok(MeshOptions::default()), |value| read_mesh(&value))?,
+        layers,
+        lenses,
+        light,
+        atmosphere: read_options(&root, "atmosphere", Atmosphere::default())?,
+        mesh: read_options(&root, "mesh", MeshOptions::default())?,
+    })
+}
+
+/// A table all of whose keys have defaults.
+fn read_options<T: Keyed + Clone>(
+    root: &Table<'_, '_>,
+    key: &str,
+    mut options: T,
+) -> Result<T, ConfigError> {
+    if let Some(value) = root.get(key) {
+        fields::read(&only(value.table()?, &options, &[])?, &mut options)?;
+    }
+    Ok(options)
+}
+
+/// Refuses every key but those of `owner` and `further` ones.
+fn only<'d, 'i>(
+    table: Table<'d, 'i>,
+    owner: &(impl Keyed + Clone),
+    further: &[&str],
+) -> Result<Table<'d, 'i>, ConfigError> {
+    table.only(&[further, &fields::keys(owner)].concat())
+}
+
+/// Tables under names, sorted by name.
+fn named_tables<'d, 'i>(
+    value: &Value<'d, 'i>,
+    example: &str,
+) -> Result<Vec<(String, Table<'d, 'i>)>, ConfigError> {
+    if value.is_list() {
+        let advice = format!("this is a list; write a table for each name, for example {example}");
+        return Err(value.error(Fault::WrongType, advice));
+    }
+    let mut tables = Vec::new();
+    for (name, value) in value.table()?.entries() {
+        check::usable_name(&name).map_err(|advice| value.error(Fault::Name, advice))?;
+        tables.push((name, value.table()?));
+    }
+    tables.sort_by(|(a, _), (b, _)| a.cmp(b));
+    Ok(tables)
+}
+
+fn read_layer(name: String, table: Table<'_, '_>) -> Result<Layer, ConfigError> {
+    let kind = table.require("kind", "kind = \"elevation\"")?;
+    let kind: LayerKind = read_name("kind of layer", &kind)?;
+    let mut parameters = LayerParameters::new(kind);
+    let repository = table.get("repository");
+    if let (Some(repository), false) = (&repository, kind.has_repository()) {
+        let advice = "layers of this kind are made from the elevation of the scene; remove it";
+        return Err(repository.error(Fault::UnknownKey, advice));
+    }
+    let known: &[&str] = if kind.has_repository() {
+        &["kind", "repository"]
+    } else {
+        &["kind"]
+    };
+    let table = only(table, &parameters, known)?;
+    fields::read(&table, &mut parameters)?;
+    let repository = if kind.has_repository() {
+        let example = "repository = \"data/relief\"";
+        Some(table.require("repository", example)?.text()?)
+    } else {
+        None
+    };
+    Ok(Layer {
+        name,
+        repository,
+        parameters,
+    })
+}
+
+fn read_lens(name: String, table: Table<'_, '_>, layers: &[Layer]) -> Result<Lens, ConfigError> {
+    let mut lens = Lens {
+        name,
+        latitude_deg: 0.0,
+        longitude_deg: 0.0,
+        radius_m: 0.0,
+        layers: Vec::new(),
+    };
+    let table = only(table, &lens, &["layers"])?;
+    for key in fields::keys(&lens) {
+        table.require(key, LENS)?;
+    }
+    fields::read(&table, &mut lens)?;
+    if let Some(value) = table.get("layers") {
+        let example = format!("[lenses.{}.layers.relief] with scale = 2", lens.name);
+        for (name, table) in named_tables(&value, &example)? {
+            lens.layers.push(read_lens_layer(&name, table, layers)?);
+        }
+    }
+    Ok(lens)
+}
+
+/// A layer's parameters within a lens: those of the layer, and then what the lens gives.
+fn read_lens_layer(
+    name: &str,
+    table: Table<'_, '_>,
+    layers: &[Layer],
+) -> Result<LensLayer, ConfigError> {
+    let found = layers
+        .iter()
+        .enumerate()
+        .find(|(_, layer)| layer.name == name);
+    let Some((index, layer)) = found else {
+        let known: Vec<&str> = layers.iter().map(|layer| layer.name.as_str()).collect();
+        let advice = match nearest(name, &known) {
+            Some(meant) => format!("there is no such layer; did you mean {meant}?"),
+            None if known.is_empty() => "there is no such layer, nor any other".to_owned(),
+            None => format!("there is no such layer; write one of {}", known.join(", ")),
+        };
+        return Err(table.error(Fault::Name, advice));
+    };
+    for key in ["kind", "repository"] {
+        if let Some(value) = table.get(key) {
+            let advice = "a lens gives parameters of a layer and no other data; remove it";
+            return Err(value.error(Fault::UnknownKey, advice));
+        }
+    }
+    let mut parameters = layer.parameters.clone();
+    let table = only(table, &parameters, &[])?;
+    let keys = fields::keys(&parameters).into_iter();
+    let given = keys.filter(|key| table.get(key).is_some());
+    let given = given.map(str::to_owned).collect();
+    fields::read(&table, &mut parameters)?;
+    Ok(LensLayer {
+        layer: index,
+        parameters,
+        given,
     })
 }
 
@@ -104,56 +257,20 @@ fn read_keyframe(table: Table<'_, '_>) -> Result<Keyframe, ConfigError> {
 }
 
 fn read_place(owner: &Table<'_, '_>) -> Result<Place, ConfigError> {
-    let table = owner.require("place", PLACE)?.table()?.only(&[
-        "latitude_deg",
-        "longitude_deg",
-        "altitude_m",
-        "heading_deg",
-        "pitch_deg",
-        "roll_deg",
-    ])?;
-    let required = |key: &str| table.require(key, PLACE)?.number();
-    let optional = |key: &str| table.get(key).map_or(Ok(0.0), |value| value.number());
-    Ok(Place {
-        latitude_deg: required("latitude_deg")?,
-        longitude_deg: required("longitude_deg")?,
-        altitude_m: required("altitude_m")?,
-        heading_deg: optional("heading_deg")?,
-        pitch_deg: required("pitch_deg")?,
-        roll_deg: optional("roll_deg")?,
-    })
-}
-
-fn read_layer(table: Table<'_, '_>) -> Result<Layer, ConfigError> {
-    let table = table.only(&["name", "kind", "repository"])?;
-    let kind = table.require("kind", "kind = \"elevation\" or kind = \"imagery\"")?;
-    Ok(Layer {
-        name: table.require("name", "name = \"relief\"")?.text()?,
-        kind: match kind.text()?.as_str() {
-            "elevation" => LayerKind::Elevation,
-            "imagery" => LayerKind::Imagery,
-            _ => {
-                let advice = "unknown kind of layer; write \"elevation\" or \"imagery\"";
-                return Err(kind.error(Fault::OutOfRange, advice));
-            }
-        },
-        repository: table
-            .require("repository", "repository = \"data/relief\"")?
-            .text()?,
-    })
-}
-
-fn read_light(value: &Value<'_, '_>) -> Result<Light, ConfigError> {
-    let table = value.table()?.only(&["sun", "ambient", "relief"])?;
-    let default = Light::default();
-    let number = |key: &str, otherwise: f64| table.get(key).map_or(Ok(otherwise), |v| v.number());
-    Ok(Light {
-        sun: table
-            .get("sun")
-            .map_or(Ok(default.sun), |value| read_sun(&value))?,
-        ambient: number("ambient", default.ambient)?,
-        relief: number("relief", default.relief)?,
-    })
+    let mut place = Place {
+        latitude_deg: 0.0,
+        longitude_deg: 0.0,
+        altitude_m: 0.0,
+        heading_deg: 0.0,
+        pitch_deg: 0.0,
+        roll_deg: 0.0,
+    };
+    let table = only(owner.require("place", PLACE)?.table()?, &place, &[])?;
+    for key in ["latitude_deg", "longitude_deg", "altitude_m"] {
+        table.require(key, PLACE)?;
+    }
+    fields::read(&table, &mut place)?;
+    Ok(place)
 }
 
 fn read_sun(value: &Value<'_, '_>) -> Result<Sun, ConfigError> {
@@ -169,35 +286,4 @@ fn read_sun(value: &Value<'_, '_>) -> Result<Sun, ConfigError> {
         return Ok(Sun::Camera);
     }
     Err(value.error(Fault::OutOfRange, format!("unknown sun; write {example}")))
-}
-
-fn read_atmosphere(value: &Value<'_, '_>) -> Result<Atmosphere, ConfigError> {
-    let table = value.table()?.only(&["enabled", "thickness_m", "colour"])?;
-    let default = Atmosphere::default();
-    Ok(Atmosphere {
-        enabled: table
-            .get("enabled")
-            .map_or(Ok(default.enabled), |value| value.boolean())?,
-        thickness_m: table
-            .get("thickness_m")
-            .map_or(Ok(default.thickness_m), |v| v.number())?,
-        colour: table.get("colour").map_or(Ok(default.colour), |value| {
-            value.numbers("colour = [0.3, 0.55, 1.0]")
-        })?,
-    })
-}
-
-fn read_mesh(value: &Value<'_, '_>) -> Result<MeshOptions, ConfigError> {
-    let table = value
-        .table()?
-        .only(&["refinement", "tile_px", "deepest_level"])?;
-    let default = MeshOptions::default();
-    let level = |key: &str, otherwise: u8| table.get(key).map_or(Ok(otherwise), |v| v.integer());
-    Ok(MeshOptions {
-        refinement: level("refinement", default.refinement)?,
-        tile_px: table
-            .get("tile_px")
-            .map_or(Ok(default.tile_px), |value| value.number())?,
-        deepest_level: level("deepest_level", default.deepest_level)?,
-    })
 }

@@ -237,7 +237,7 @@ fn check_point(key: &str, point_m: [f64; 3]) -> Result<(), Problem> {
     ))
 }
 
-pub(crate) fn check_name(key: &str, name: &str) -> Result<(), Problem> {
+fn check_name(key: &str, name: &str) -> Result<(), Problem> {
     let usable = !name.trim().is_empty()
         && name.len() <= MAX_NAME_BYTES
         && !name.chars().any(char::is_control);
@@ -249,10 +249,7 @@ pub(crate) fn check_name(key: &str, name: &str) -> Result<(), Problem> {
 }
 
 /// Checks that names are usable and that none appears twice.
-pub(crate) fn check_names<'n>(
-    list: &str,
-    names: impl Iterator<Item = &'n str>,
-) -> Result<(), Problem> {
+fn check_names<'n>(list: &str, names: impl Iterator<Item = &'n str>) -> Result<(), Problem> {
     let mut taken = HashSet::new();
     for (index, name) in names.enumerate() {
         let key = format!("{list}[{index}].name");

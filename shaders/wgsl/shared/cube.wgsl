@@ -31,13 +31,13 @@ fn face_out(face: u32) -> vec3<f32> {
     }
 }
 
-// Cell space to cube space; continues smoothly a little beyond 0…1, for border nodes.
-fn st_to_uv(s: f32) -> f32 {
-    let r = 1.0 - s;
-    return select((1.0 - 4.0 * r * r) / 3.0, (4.0 * s * s - 1.0) / 3.0, s >= 0.5);
+// Cell space, counted from the face's middle (−½…½), to cube space: S2's quadratic projection. It continues
+// smoothly a little beyond, for border nodes.
+fn centre_to_uv(d: f32) -> f32 {
+    return 4.0 / 3.0 * d * (1.0 + abs(d));
 }
 
 // Its derivative.
-fn st_to_uv_slope(s: f32) -> f32 {
-    return 8.0 / 3.0 * max(s, 1.0 - s);
+fn centre_to_uv_slope(d: f32) -> f32 {
+    return 4.0 / 3.0 * (1.0 + 2.0 * abs(d));
 }

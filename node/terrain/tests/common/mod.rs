@@ -9,7 +9,9 @@ use std::collections::HashMap;
 
 use geodesy::{Ellipsoid, Geodetic, LatticePoint, Tile};
 use glam::DVec3;
-use terrain::{Lattice, LodView};
+use terrain::{
+    DataLevels, ElevationLayer, Heights, Lattice, LodView, MeshError, Patch, Vertex, build,
+};
 
 /// SplitMix64 (G. Steele et al., 2014): small, seeded, the same everywhere.
 pub struct Random(pub u64);
@@ -136,4 +138,22 @@ pub type Resident = HashMap<Tile, Noise>;
 
 pub fn lookup<'a>(resident: &'a Resident) -> impl Fn(Tile) -> Option<&'a dyn Lattice> {
     |tile| resident.get(&tile).map(|noise| noise as &dyn Lattice)
+}
+
+/// Builds a leaf of one layer as it is, with a height of 0 in its holes.
+pub fn build_one<'a>(
+    ellipsoid: &Ellipsoid,
+    tile: Tile,
+    levels: &DataLevels,
+    patch: &Patch,
+    quantum_m: f64,
+    data: &dyn Fn(Tile) -> Option<&'a dyn Lattice>,
+    out: &mut Vec<Vertex>,
+) -> Result<Heights, MeshError> {
+    let layer = ElevationLayer {
+        levels: *levels,
+        data: &|tile| data(tile).map(|lattice| lattice as &dyn Lattice),
+    };
+    let fuse = |_: DVec3, samples: &[Option<i32>]| f64::from(samples[0].unwrap_or(0)) * quantum_m;
+    build(ellipsoid, tile, &[layer], patch, &fuse, out)
 }

@@ -1,0 +1,58 @@
+//! The command line of the control API: where `up` and `master` open it, and what `set` asks of it.
+//!
+//! In: the arguments of the process. Out: [`Control`], [`Set`]. Token files are read by the commands.
+
+use std::net::SocketAddr;
+use std::path::PathBuf;
+
+use clap::Args as ArgumentGroup;
+
+/// What both `up` and `master` take of the control API.
+#[derive(Debug, ArgumentGroup)]
+#[command(next_help_heading = "Control API")]
+pub(crate) struct Control {
+    /// Address and TCP port at which the running scene can be read and changed over HTTP
+    /// (GET and PATCH /api/scene; see `terrawall set`). An address that other hosts reach needs a token
+    /// [default: 127.0.0.1:4680, or a free port where that one is taken]
+    #[arg(long, value_name = "ADDRESS:PORT")]
+    pub(crate) control: Option<SocketAddr>,
+    /// File with the token that every request must bear: one word, readable by you alone
+    #[arg(long, value_name = "FILE")]
+    pub(crate) control_token_file: Option<PathBuf>,
+    /// Let nobody read or change the running scene
+    #[arg(long, conflicts_with_all = ["control", "control_token_file"])]
+    pub(crate) no_control: bool,
+}
+
+/// What a glance at `terrawall set --help` should teach.
+const EXAMPLES: &str = "\
+All assignments become one change, which every node shows from the same frame on, or none does. The command prints
+the number of the new revision; a change that changes nothing makes none. What is there to be set:
+curl http://127.0.0.1:4680/api/scene
+
+Examples:
+  terrawall set relief.scale=2
+  terrawall set sar.mapping=gamma sar.exponent=0.5 photo.opacity=0.8
+  terrawall set heights.ramp=hypsometric lines.colour=[1,0.8,0]
+  terrawall set lenses.loupe.radius_m=20000 lenses.loupe.layers.relief.scale=3
+  terrawall set lenses.loupe=null light.sun=camera";
+
+/// `terrawall set`
+#[derive(Debug, ArgumentGroup)]
+#[command(after_help = EXAMPLES)]
+pub(crate) struct Set {
+    /// What is to be what: LAYER.PARAMETER=VALUE, or the path of any other value of the scene file, for
+    /// example light.ambient=0.3. VALUE is JSON (2, [0,1], null) or else a text; null takes the key away,
+    /// which gives the default back or removes a layer or lens
+    #[arg(required = true, value_name = "LAYER.PARAM=VALUE")]
+    pub(crate) assignments: Vec<String>,
+    /// Where the running master's control API listens, as it said at its start
+    #[arg(long, value_name = "HOST:PORT", default_value_t = master::DEFAULT_CONTROL_ADDRESS.to_string())]
+    pub(crate) control: String,
+    /// File with the token of the control API, if it has one
+    #[arg(long, value_name = "FILE")]
+    pub(crate) token_file: Option<PathBuf>,
+    /// Print the answer as JSON
+    #[arg(long)]
+    pub(crate) json: bool,
+}

@@ -1,0 +1,205 @@
+//! The listening side of the control API: a bounded number of connections, none of which may linger.
+//! In: a listening socket. Out: connections for axum. A client that neither sends nor reads is cut off, so that
+//! strangers can hold places only for moments.
+
+use std::net::SocketAddr;
+use std::pin::Pin;
+use std::sync::Arc;
+use std::task::{Context, Poll};
+use std::time::Duration;
+
+use axum::serve::Listener;
+use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
+use tokio::net::{TcpListener, TcpStream};
+use tokio::sync::{OwnedSemaphorePermit, Semaphore};
+use tokio::time::{Instant, Sleep, sleep};
+
+/// Connections at the same time; further ones wait in the system's queue.
+const PLACES: usize = 64;
+/// A connection on which nothing has moved for so long is cut.
+const STILLNESS: Duration = Duration::from_secs(20);
+/// Before the next try after a connection could not be taken, for example because there are no file descriptors.
+const PAUSE: Duration = Duration::from_millis(200);
+
+/// A listening socket with few places.
+pub(super) struct Door {
+    listener: TcpListener,
+    places: Arc<Semaphore>,
+    stillness: Duration,
+}
+
+impl Door {
+    /// Takes a socket that does not block. To be called inside a runtime.
+    pub(super) fn new(listener: std::net::TcpListener) -> std::io::Result<Self> {
+        Ok(Self {
+            listener: TcpListener::from_std(listener)?,
+            places: Arc::new(Semaphore::new(PLACES)),
+            stillness: STILLNESS,
+        })
+    }
+}
+
+impl Listener for Door {
+    type Io = Guest;
+    type Addr = SocketAddr;
+
+    async fn accept(&mut self) -> (Guest, SocketAddr) {
+        loop {
+            let Ok(place) = Arc::clone(&self.places).acquire_owned().await else {
+                // Nobody closes the semaphore.
+                return std::future::pending().await;
+            };
+            match self.listener.accept().await {
+                Ok((stream, address)) => {
+                    // Answers are short and waited for.
+                    let _without = stream.set_nodelay(true);
+                    let guest = Guest {
+                        stream,
+                        stillness: self.stillness,
+                        cut: Box::pin(sleep(self.stillness)),
+                        _place: place,
+                    };
+                    return (guest, address);
+                }
+                Err(error) => {
+                    tracing::debug!(%error, "a control connection could not be taken");
+                    sleep(PAUSE).await;
+                }
+            }
+        }
+    }
+
+    fn local_addr(&self) -> std::io::Result<SocketAddr> {
+        self.listener.local_addr()
+    }
+}
+
+/// A connection that has a place until it ends.
+pub(super) struct Guest {
+    stream: TcpStream,
+    stillness: Duration,
+    cut: Pin<Box<Sleep>>,
+    _place: OwnedSemaphorePermit,
+}
+
+impl Guest {
+    /// Passes on what the stream says, and cuts the connection if nothing moves.
+    fn watch<T>(
+        &mut self,
+        context: &mut Context<'_>,
+        polled: Poll<std::io::Result<T>>,
+    ) -> Poll<std::io::Result<T>> {
+        if polled.is_ready() {
+            let moment = Instant::now() + self.stillness;
+            self.cut.as_mut().reset(moment);
+            return polled;
+        }
+        self.cut
+            .as_mut()
+            .poll(context)
+            .map(|()| Err(std::io::ErrorKind::TimedOut.into()))
+    }
+}
+
+impl AsyncRead for Guest {
+    fn poll_read(
+        mut self: Pin<&mut Self>,
+        context: &mut Context<'_>,
+        buffer: &mut ReadBuf<'_>,
+    ) -> Poll<std::io::Result<()>> {
+        let polled = Pin::new(&mut self.stream).poll_read(context, buffer);
+        self.watch(context, polled)
+    }
+}
+
+impl AsyncWrite for Guest {
+    fn poll_write(
+        mut self: Pin<&mut Self>,
+        context: &mut Context<'_>,
+        bytes: &[u8],
+    ) -> Poll<std::io::Result<usize>> {
+        let polled = Pin::new(&mut self.stream).poll_write(context, bytes);
+        self.watch(context, polled)
+    }
+
+    fn poll_flush(
+        mut self: Pin<&mut Self>,
+        context: &mut Context<'_>,
+    ) -> Poll<std::io::Result<()>> {
+        Pin::new(&mut self.stream).poll_flush(context)
+    }
+
+    fn poll_shutdown(
+        mut self: Pin<&mut Self>,
+        context: &mut Context<'_>,
+    ) -> Poll<std::io::Result<()>> {
+        Pin::new(&mut self.stream).poll_shutdown(context)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used, reason = "a test that panics has failed")]
+
+    use std::io::{Read as _, Write as _};
+
+    use axum::Router;
+    use axum::routing::get;
+
+    use super::*;
+
+    /// Serves a door whose guests may be still for 300 ms.
+    fn serve() -> (tokio::runtime::Runtime, SocketAddr) {
+        let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+        listener.set_nonblocking(true).unwrap();
+        let address = listener.local_addr().unwrap();
+        let runtime = tokio::runtime::Builder::new_multi_thread()
+            .worker_threads(1)
+            .enable_all()
+            .build()
+            .unwrap();
+        let _inside = runtime.enter();
+        let mut door = Door::new(listener).unwrap();
+        door.stillness = Duration::from_millis(300);
+        let router = Router::new().route("/", get(async || "here"));
+        runtime.spawn(async { axum::serve(door, router).await });
+        drop(_inside);
+        (runtime, address)
+    }
+
+    fn ask(address: SocketAddr) -> String {
+        let mut stream = std::net::TcpStream::connect(address).unwrap();
+        stream
+            .set_read_timeout(Some(Duration::from_secs(10)))
+            .unwrap();
+        stream
+            .write_all(b"GET / HTTP/1.1\r\nHost: here\r\nConnection: close\r\n\r\n")
+            .unwrap();
+        let mut answer = String::new();
+        stream.read_to_string(&mut answer).unwrap();
+        answer
+    }
+
+    #[test]
+    fn silent_connections_cannot_hold_all_places() {
+        let (_runtime, address) = serve();
+        let connect = |_| std::net::TcpStream::connect(address).unwrap();
+        let mut silent: Vec<_> = (0..2 * PLACES).map(connect).collect();
+        // One of them begins a request and never ends it.
+        silent[0].write_all(b"GET / HT").unwrap();
+        let begin = std::time::Instant::now();
+        assert!(ask(address).ends_with("here"));
+        let waited = begin.elapsed();
+        assert!(
+            waited >= Duration::from_millis(250),
+            "{waited:?}: all places were taken"
+        );
+        assert!(waited < Duration::from_secs(5), "{waited:?}");
+        // The first have been cut.
+        silent[0]
+            .set_read_timeout(Some(Duration::from_secs(10)))
+            .unwrap();
+        let ended = silent[0].read(&mut [0; 16]);
+        assert!(matches!(ended, Ok(0) | Err(_)), "{ended:?}");
+    }
+}

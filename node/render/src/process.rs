@@ -1,0 +1,202 @@
+//! Live processing: from raw samples to the layers that the terrain shader samples, on the GPU.
+//!
+//! In: plans, decoded tiles. Out: layers of relief and of colour, and results kept for the next change of parameters.
+//! What is kept is known by what went into it. It never waits for data and does not decide what is shown.
+
+mod plan;
+mod slots;
+mod stages;
+pub(crate) mod uniforms;
+mod words;
+
+use std::sync::Arc;
+
+use bytemuck::bytes_of;
+use shaders::{ReliefUniform, Stage, SurfaceUniform};
+use tiles::{Lookup, TileCache};
+
+use crate::error::RenderError;
+use crate::gpu::Gpu;
+use crate::layers::LAYER_SIDE;
+use crate::loaded::LoadedScene;
+
+use plan::Packing;
+pub(crate) use plan::{Plan, Work};
+pub(crate) use slots::{SLOT_SIDE, Slots};
+pub(crate) use stages::{Dispatch, MOST_INPUTS, Stages};
+pub(crate) use uniforms::{Ground, elevation_uniform, fuse};
+pub(crate) use words::shown_channels;
+
+/// Colour of ground that no layer covers, gamma encoded.
+pub(crate) const NEUTRAL: [u8; 3] = [150, 146, 138];
+
+/// Where a finished result goes.
+pub(crate) enum Finish<'a> {
+    /// Heights become relief.
+    Relief {
+        arrays: &'a wgpu::TextureView,
+        layer: u32,
+    },
+    /// Colours are laid over the bare ground.
+    Surface {
+        arrays: &'a wgpu::TextureView,
+        layer: u32,
+    },
+}
+
+/// The processing of one device.
+#[derive(Debug)]
+pub(crate) struct Processor {
+    slots: Slots,
+    stages: Stages,
+}
+
+impl Processor {
+    pub(crate) fn new(gpu: &Gpu, budget_bytes: u64) -> Self {
+        Self {
+            slots: Slots::new(budget_bytes),
+            stages: Stages::new(gpu),
+        }
+    }
+
+    /// Compiles all stages in the background.
+    pub(crate) fn warm(&self, gpu: &Arc<Gpu>) {
+        self.stages.warm(gpu);
+    }
+
+    /// Nodes of a plan that must be made for its root, inputs first.
+    pub(crate) fn missing(&self, plan: &Plan) -> Vec<usize> {
+        let mut wanted = vec![false; plan.nodes.len()];
+        if let Some(root) = plan.root {
+            wanted[root] = true;
+        }
+        // Inputs stand before what reads them.
+        for index in (0..plan.nodes.len()).rev() {
+            if !wanted[index] {
+                continue;
+            }
+            if self.slots.holds(plan.nodes[index].key) {
+                wanted[index] = false;
+            } else if let Work::Stage { inputs, .. } = &plan.nodes[index].work {
+                for input in inputs {
+                    wanted[*input] = true;
+                }
+            }
+        }
+        (0..plan.nodes.len())
+            .filter(|index| wanted[*index])
+            .collect()
+    }
+
+    /// Makes what a plan leads to and finishes it. False where raw samples have left memory meanwhile.
+    pub(crate) fn run(
+        &mut self,
+        gpu: &Gpu,
+        scene: &LoadedScene,
+        cache: &TileCache,
+        plan: &Plan,
+        finish: &Finish<'_>,
+        frame: u64,
+    ) -> Result<bool, RenderError> {
+        let Some(root) = plan.key() else {
+            return Ok(true);
+        };
+        let missing = self.missing(plan);
+        // What is read must not be taken for what is written.
+        for node in &plan.nodes {
+            self.slots.get(node.key, frame);
+        }
+        for index in missing {
+            let node = &plan.nodes[index];
+            match &node.work {
+                Work::Upload {
+                    layer,
+                    source,
+                    packing,
+                } => {
+                    let Some(data) = scene.source(*layer) else {
+                        return Ok(false);
+                    };
+                    let Lookup::Ready(tile) = cache.get(data.id, *source) else {
+                        return Ok(false);
+                    };
+                    let words = match packing {
+                        Packing::Heights => words::heights(&tile, data.data.dataset.unit()),
+                        Packing::Amplitudes => words::amplitudes(&tile),
+                        Packing::Colours { channels, range } => {
+                            words::colours(&tile, *channels, *range)
+                        }
+                        Packing::Finished { channels } => words::finished(&tile, *channels),
+                    };
+                    self.upload(gpu, node.key, &words, frame);
+                }
+                Work::Holes { word } => {
+                    self.upload(gpu, node.key, &vec![*word; words::WORDS], frame);
+                }
+                Work::Stage {
+                    stage,
+                    uniform,
+                    inputs,
+                } => {
+                    self.slots.lend(gpu, node.key, frame);
+                    let keys = inputs.iter().map(|input| plan.nodes[*input].key);
+                    let views: Option<Vec<&wgpu::TextureView>> = keys
+                        .map(|key| self.slots.peek(key).map(|slot| &slot.view))
+                        .collect();
+                    let (Some(inputs), Some(result)) = (views, self.slots.peek(node.key)) else {
+                        self.slots.forget(node.key);
+                        return Ok(false);
+                    };
+                    let dispatch = Dispatch {
+                        stage: *stage,
+                        uniform,
+                        result: &result.view,
+                        inputs: &inputs,
+                        side: SLOT_SIDE,
+                    };
+                    self.stages.run(gpu, &dispatch)?;
+                }
+            }
+        }
+        let Some(slot) = self.slots.get(root, frame) else {
+            return Ok(false);
+        };
+        let (stage, uniform, arrays) = match finish {
+            Finish::Relief { arrays, layer } => {
+                let uniform = ReliefUniform {
+                    tile: uniforms::geometry(&scene.data.ellipsoid, root.0),
+                    layer: *layer,
+                    padding: [0; 3],
+                };
+                (Stage::Relief, bytes_of(&uniform).to_vec(), arrays)
+            }
+            Finish::Surface { arrays, layer } => {
+                let [red, green, blue] = NEUTRAL.map(|part| f32::from(part) / 255.0);
+                let uniform = SurfaceUniform {
+                    ground: [red, green, blue, 1.0],
+                    layer: *layer,
+                    padding: [0; 3],
+                };
+                (Stage::Surface, bytes_of(&uniform).to_vec(), arrays)
+            }
+        };
+        let dispatch = Dispatch {
+            stage,
+            uniform: &uniform,
+            result: arrays,
+            inputs: &[&slot.view],
+            side: LAYER_SIDE,
+        };
+        self.stages.run(gpu, &dispatch)?;
+        self.stages.submit(gpu);
+        Ok(true)
+    }
+
+    fn upload(&mut self, gpu: &Gpu, key: slots::ResultKey, words: &[u32], frame: u64) {
+        self.slots.lend(gpu, key, frame);
+        let Some(slot) = self.slots.peek(key) else {
+            return;
+        };
+        slot.write(gpu, words);
+    }
+}
