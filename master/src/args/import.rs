@@ -11,7 +11,7 @@ use super::values::{Extent, Range, RawSize};
 pub(crate) enum DataKind {
     /// Heights in metres: relief
     Elevation,
-    /// Colours or grey values
+    /// Colours, grey values, or up to 16 bands as a sensor delivered them
     Imagery,
     /// Radar amplitude or backscatter
     Sar,
@@ -84,10 +84,11 @@ pub(crate) struct Import {
     /// Sample that means "no data", in place of what the source says
     #[arg(long, value_name = "V", allow_hyphen_values = true)]
     pub(crate) nodata: Option<f64>,
-    /// Bands to use, counted from 1: one, or three for coloured imagery
+    /// Bands to use, counted from 1: one, or up to 16 for imagery [default for imagery: all]
     #[arg(long, value_name = "B,B,B", value_delimiter = ',')]
     pub(crate) bands: Option<Vec<usize>>,
-    /// Source samples shown as black and as white, for imagery wider than a byte
+    /// Store imagery in 8 bits a channel, with these source samples as black and as white [default: 8-bit, 16-bit and
+    /// floating-point samples stay as they are, to be adjusted while the wall runs]
     #[arg(long, value_name = "LOW,HIGH", allow_hyphen_values = true)]
     pub(crate) range: Option<Range>,
     /// Level of the pyramid to import at [default: the next finer one than the source]

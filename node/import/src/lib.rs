@@ -9,6 +9,7 @@
 //! coarser levels (`filter`) and publishes (`staging`).
 
 mod crs;
+mod describe;
 mod error;
 mod filter;
 mod geokeys;

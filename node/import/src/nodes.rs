@@ -23,7 +23,8 @@ pub(crate) trait Sample: Copy + Default + PartialEq + Send + Sync + 'static {
         }
         Self::mean(&mut terms, colour)
     }
-    /// Σ weight·value / Σ weight; `weights` are small. In linear light where these are colours.
+    /// Σ weight·value / Σ weight; `weights` are small. Bytes of colour in linear light; wider samples count the light
+    /// already, as a sensor does.
     fn mean(terms: &mut [(i64, Self)], colour: bool) -> Self;
     /// (Σ weight·value) / 2^shift, the weights adding up to 2^shift ≤ 2^44.
     fn blend(terms: &mut [(i64, Self)], shift: u32) -> Self;
@@ -87,6 +88,9 @@ impl Sample for i32 {
 impl Sample for u16 {
     fn nearest(number: f64) -> Self {
         (number + 0.5) as Self
+    }
+    fn smooth(samples: [Self; 9], _colour: bool) -> Self {
+        sixteenth(samples.map(i64::from)) as Self
     }
     fn mean(terms: &mut [(i64, Self)], _colour: bool) -> Self {
         integer_mean(terms) as Self
@@ -374,6 +378,9 @@ mod tests {
             let mut terms: [(i64, u8); 9] = std::array::from_fn(|k| (weights[k], bytes[k]));
             assert_eq!(u8::smooth(bytes, true), u8::mean(&mut terms, true));
             assert_eq!(u8::smooth(bytes, false), u8::mean(&mut terms, false));
+            let words = heights.map(|height| (height * 131) as u16);
+            let mut terms: [(i64, u16); 9] = std::array::from_fn(|k| (weights[k], words[k]));
+            assert_eq!(u16::smooth(words, true), u16::mean(&mut terms, true));
         }
         for (number, due) in [
             (0.5, 0),

@@ -35,9 +35,10 @@ pub struct ImportOptions {
     pub quantum_m: Option<f64>,
     /// The data set's name, for a new repository.
     pub name: Option<String>,
-    /// Source bands to use, counted from 1: one, or three for imagery.
+    /// Source bands to use, counted from 1: one, or up to 16 for imagery, which otherwise takes all.
     pub bands: Option<Vec<usize>>,
-    /// Source samples shown as 0 and as 255, for imagery from samples wider than a byte.
+    /// Source samples that become 0 and 255: imagery is then stored in bytes. Otherwise samples wider than a byte stay
+    /// as they are.
     pub range: Option<[f64; 2]>,
     /// Threads; all cores where not given.
     pub threads: Option<usize>,
@@ -71,7 +72,7 @@ pub struct RawLayout {
     pub endianness: Endianness,
     /// Bytes before the first sample.
     pub header_bytes: u64,
-    /// Bands, interleaved by pixel; 1 for elevation.
+    /// Bands, interleaved by pixel; 1 for elevation. Three or four begin with red, green and blue.
     pub bands: usize,
 }
 

@@ -14,8 +14,7 @@ use crate::error::ImportError;
 use crate::filter::{children_in_reach, filtered, finer_tiles_at};
 use crate::lru::Lru;
 use crate::nodes::{Nodes, Sample, View};
-use crate::resample::{Resampler, beyond_nodes};
-use crate::sampler::MOST_CHANNELS;
+use crate::resample::{MOST_CHANNELS, Resampler, beyond_nodes};
 
 /// A tile that this pass has made.
 #[derive(Clone, Copy, Debug)]

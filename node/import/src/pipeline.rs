@@ -10,8 +10,9 @@ use std::time::Instant;
 
 use geodesy::{Direction, Tile};
 use rayon::ThreadPool;
-use tiles::{Dataset, Index, Kind, Repository, SampleType, SourceNote};
+use tiles::{Dataset, Index, Repository, SourceNote};
 
+use crate::describe::describe;
 use crate::error::ImportError;
 use crate::level::{Spacing, tile_estimate, touched};
 use crate::lock::Lock;
@@ -21,19 +22,12 @@ use crate::pass::{Pass, Recipe};
 use crate::progress::Progress;
 use crate::report::{ImportReport, Stopwatch};
 use crate::resample::Resampler;
-use crate::source::{self, ChunkCache, SampleWidth, Source};
+use crate::source::{self, ChunkCache, Source};
 use crate::staging::{Publication, Staging, open_repository};
 
 /// More tiles than this are no import but a mistake.
 const MOST_TILES: f64 = 5e7;
 const LEAST_MEMORY_BYTES: u64 = 64 << 20;
-/// The quantum for whole metres, and the coarsest there is.
-const COARSEST_QUANTUM_M: f64 = 1.0 / 16.0;
-/// The finest quantum that is chosen without being asked for.
-const FINEST_QUANTUM_M: f64 = 1.0 / 4096.0;
-/// The quantum for heights that are no whole numbers.
-const FRACTIONAL_QUANTUM_M: f64 = 1.0 / 256.0;
-
 /// Imports the sources. `progress` hears how it goes; setting `cancel` ends it soon, to be continued later.
 pub fn import(
     options: &ImportOptions,
@@ -139,108 +133,6 @@ fn run(
     staging.remove()?;
     report.close();
     Ok(report)
-}
-
-/// The data set that the sources make, or the existing one if they go with it.
-fn describe(
-    options: &ImportOptions,
-    sources: &[Source],
-    existing: Option<&Dataset>,
-    progress: &dyn Progress,
-) -> Result<Dataset, ImportError> {
-    let sample_type = match options.kind {
-        Kind::Elevation => SampleType::I32,
-        Kind::Imagery => SampleType::U8,
-        Kind::Sar => {
-            let wide = |wanted| {
-                sources
-                    .iter()
-                    .any(|source| source.description.wide == wanted)
-            };
-            match (wide(SampleWidth::F32), wide(SampleWidth::U16)) {
-                (true, _) => SampleType::F32,
-                (_, true) => SampleType::U16,
-                _ => SampleType::U8,
-            }
-        }
-    };
-    let channels = if options.kind == Kind::Imagery { 3 } else { 1 };
-    let Some(dataset) = existing else {
-        let fallback = options
-            .into
-            .file_name()
-            .map(|name| name.to_string_lossy().into_owned());
-        let name = options
-            .name
-            .clone()
-            .or(fallback)
-            .unwrap_or_else(|| options.kind.to_string());
-        let mut dataset = Dataset::new(&name, options.kind, sample_type, channels);
-        dataset.ellipsoid = options.planet;
-        if options.kind == Kind::Elevation {
-            dataset.quantum_m = Some(options.quantum_m.unwrap_or_else(|| quantum_of(sources)));
-        }
-        return Ok(dataset);
-    };
-    let refuse = |problem: String| {
-        Err(ImportError::Repository {
-            directory: options.into.clone(),
-            problem,
-        })
-    };
-    let name = &dataset.name;
-    if dataset.kind != options.kind {
-        return refuse(format!(
-            "the repository \"{name}\" holds {}, and {} was to be imported. Choose another directory.",
-            dataset.kind, options.kind
-        ));
-    }
-    if dataset.channels != channels {
-        return refuse(format!(
-            "the repository \"{name}\" has {} channels, and this import makes {channels}. Choose another directory.",
-            dataset.channels
-        ));
-    }
-    let narrow = dataset.sample_type != sample_type && dataset.sample_type != SampleType::F32;
-    if narrow {
-        return refuse(format!(
-            "the repository \"{name}\" holds {:?} samples, and the sources need {sample_type:?}. Choose another directory.",
-            dataset.sample_type
-        ));
-    }
-    if dataset.ellipsoid != options.planet {
-        return refuse(format!(
-            "the repository \"{name}\" is of another planet. Choose another directory, or name its planet."
-        ));
-    }
-    let asked = options
-        .quantum_m
-        .filter(|quantum| Some(*quantum) != dataset.quantum_m);
-    if let (Some(asked), Some(quantum)) = (asked, dataset.quantum_m) {
-        progress.note(&format!(
-            "{}: heights are stored in steps of {quantum} m, as in the repository, not of {asked} m",
-            options.into.display()
-        ));
-    }
-    Ok(dataset.clone())
-}
-
-/// A sixteenth of the sources' finest step.
-fn quantum_of(sources: &[Source]) -> f64 {
-    let of_source = |source: &Source| {
-        if source.description.integer {
-            let step = source.description.scale.abs() * COARSEST_QUANTUM_M;
-            2.0_f64
-                .powf(step.log2().floor())
-                .clamp(FINEST_QUANTUM_M, COARSEST_QUANTUM_M)
-        } else {
-            FRACTIONAL_QUANTUM_M
-        }
-    };
-    sources
-        .iter()
-        .map(of_source)
-        .fold(COARSEST_QUANTUM_M, f64::min)
 }
 
 /// Sources that are imported together.

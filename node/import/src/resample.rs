@@ -5,17 +5,20 @@
 use std::sync::Arc;
 
 use geodesy::{BORDER, CELLS, Face, LatticePoint, NODES, STORED_NODES, Tile, TilePosition};
-use tiles::{Kind, Origin};
+use tiles::{Kind, MAX_CHANNELS, Origin};
 
 use crate::error::SourceError;
 use crate::grid::Position;
 use crate::nodes::{Nodes, Sample};
 use crate::placing::{BLOCK, Placing, exact, face_cells, face_point, smooth, trusted};
-use crate::sampler::{MOST_CHANNELS, Sampler, Value};
+use crate::sampler::{Sampler, Value};
 use crate::source::{ChunkCache, Source};
 
 /// Heights of more quanta than this do not fit into a tile; fill values that nobody declared are like that.
 const LARGEST_HEIGHT: f64 = 2.0e9;
+
+/// The most channels that a data set has.
+pub(crate) const MOST_CHANNELS: usize = MAX_CHANNELS as usize;
 
 /// What all tiles of one pass share.
 pub(crate) struct Resampler<'pass> {
@@ -39,8 +42,8 @@ struct Rect {
 }
 
 /// One source at work on one tile.
-struct Reader<'pass> {
-    sampler: Sampler<'pass>,
+struct Reader<'pass, const ROOM: usize> {
+    sampler: Sampler<'pass, ROOM>,
     source: &'pass Source,
     scale: f64,
     offset: f64,
@@ -59,7 +62,21 @@ impl Resampler<'_> {
         candidates: &[usize],
         nodes: &mut Nodes<T>,
     ) -> Result<Option<Origin>, Error> {
-        let mut readers: Vec<Reader<'_>> = candidates
+        // Heights and colours must not carry the room that many bands need.
+        match self.channels {
+            1 => self.fill_with::<T, 1>(tile, candidates, nodes),
+            2 | 3 => self.fill_with::<T, 3>(tile, candidates, nodes),
+            _ => self.fill_with::<T, MOST_CHANNELS>(tile, candidates, nodes),
+        }
+    }
+
+    fn fill_with<T: Sample, const ROOM: usize>(
+        &self,
+        tile: Tile,
+        candidates: &[usize],
+        nodes: &mut Nodes<T>,
+    ) -> Result<Option<Origin>, Error> {
+        let mut readers: Vec<Reader<'_, ROOM>> = candidates
             .iter()
             .filter_map(|number| self.reader(*number))
             .collect();
@@ -85,7 +102,7 @@ impl Resampler<'_> {
             let mut values = vec![None; (rect.width * rect.height) as usize];
             let place = |x: i64, y: i64| ((y - rect.gy) * rect.width + x - rect.gx) as usize;
             self.fill_rect(rect, &mut readers, |x, y, value: &[T]| {
-                let mut samples = [T::default(); MOST_CHANNELS];
+                let mut samples = [T::default(); ROOM];
                 samples[..value.len()].copy_from_slice(value);
                 if let Some(target) = values.get_mut(place(x, y)) {
                     *target = Some(samples);
@@ -109,7 +126,7 @@ impl Resampler<'_> {
         })
     }
 
-    fn reader(&self, number: usize) -> Option<Reader<'_>> {
+    fn reader<const ROOM: usize>(&self, number: usize) -> Option<Reader<'_, ROOM>> {
         let source = self.sources.get(number)?;
         let sampler = Sampler::new(source, number, self.cache);
         let (scale, offset) = match self.kind {
@@ -129,16 +146,16 @@ impl Resampler<'_> {
     }
 
     /// Calls `put` for each node of a rectangle that gets a value, once for each source that has one.
-    fn fill_rect<T: Sample>(
+    fn fill_rect<T: Sample, const ROOM: usize>(
         &self,
         rect: Rect,
-        readers: &mut [Reader<'_>],
+        readers: &mut [Reader<'_, ROOM>],
         mut put: impl FnMut(i64, i64, &[T]),
     ) -> Result<(), Error> {
         let last_x = rect.gx + rect.width - 1;
         let last_y = rect.gy + rect.height - 1;
         let mut positions = [None; (BLOCK * BLOCK) as usize];
-        let mut values: [Option<Value>; (BLOCK * BLOCK) as usize] =
+        let mut values: [Option<Value<ROOM>>; (BLOCK * BLOCK) as usize] =
             [None; (BLOCK * BLOCK) as usize];
         for by in rect.gy / BLOCK..=last_y / BLOCK {
             for bx in rect.gx / BLOCK..=last_x / BLOCK {
@@ -171,7 +188,11 @@ impl Resampler<'_> {
     }
 
     /// The window of a source that explains a tile's heights, for the encoder.
-    fn origin(&self, tile: Tile, mut reader: Reader<'_>) -> Result<Option<Origin>, Error> {
+    fn origin<const ROOM: usize>(
+        &self,
+        tile: Tile,
+        mut reader: Reader<'_, ROOM>,
+    ) -> Result<Option<Origin>, Error> {
         let grid = reader.source.grid();
         let middle = TilePosition {
             tile,

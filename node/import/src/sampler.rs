@@ -8,19 +8,17 @@ use crate::error::SourceError;
 use crate::grid::Position;
 use crate::source::{ChunkCache, Pixels, Samples, Source};
 
-/// The most channels that a source delivers.
-pub(crate) const MOST_CHANNELS: usize = 3;
 /// Chunks, and bytes of them, that a sampler keeps at hand without asking the cache.
 const AT_HAND: usize = 8;
 const AT_HAND_BYTES: u64 = 16 << 20;
 /// Windows larger than this are not gathered; their nodes are looked up one by one.
 const LARGEST_WINDOW: u64 = 1 << 13;
 
-/// A value at a position, and whether it holds data.
-pub(crate) type Value = [f64; MOST_CHANNELS];
+/// A value at a position: one number a channel. `ROOM` is at least the number of channels; what lies beyond them is 0.
+pub(crate) type Value<const ROOM: usize> = [f64; ROOM];
 
-/// Reads one source for one thread.
-pub(crate) struct Sampler<'source> {
+/// Reads one source of up to `ROOM` channels for one thread.
+pub(crate) struct Sampler<'source, const ROOM: usize> {
     source: &'source Source,
     number: usize,
     cache: &'source ChunkCache,
@@ -42,8 +40,8 @@ struct Window {
 
 type Error = Arc<SourceError>;
 
-impl<'source> Sampler<'source> {
-    /// A sampler of `source`, which the cache knows by `number`.
+impl<'source, const ROOM: usize> Sampler<'source, ROOM> {
+    /// A sampler of `source`, which the cache knows by `number`. Channels beyond `ROOM` are left out.
     pub(crate) fn new(source: &'source Source, number: usize, cache: &'source ChunkCache) -> Self {
         Self {
             source,
@@ -76,7 +74,7 @@ impl<'source> Sampler<'source> {
     }
 
     /// One sample; columns and rows beyond the grid count as the nearest, or wrap around the planet.
-    pub(crate) fn sample(&mut self, column: i64, row: i64) -> Result<(Value, bool), Error> {
+    pub(crate) fn sample(&mut self, column: i64, row: i64) -> Result<(Value<ROOM>, bool), Error> {
         let grid = self.source.grid();
         let width = i64::from(grid.width);
         let column = if grid.wraps() {
@@ -88,12 +86,12 @@ impl<'source> Sampler<'source> {
         self.sample_inside(column as u32, row as u32)
     }
 
-    fn sample_inside(&mut self, column: u32, row: u32) -> Result<(Value, bool), Error> {
+    fn sample_inside(&mut self, column: u32, row: u32) -> Result<(Value<ROOM>, bool), Error> {
         let (across, down) = self.source.description.chunk;
         let channels = self.source.description.channels;
         let chunk = self.chunk(column / across, row / down)?;
         let pixel = (row % down) as usize * chunk.width as usize + (column % across) as usize;
-        let mut value = [0.0; MOST_CHANNELS];
+        let mut value = [0.0; ROOM];
         for (channel, value) in value.iter_mut().enumerate().take(channels) {
             *value = chunk.samples.number(pixel * channels + channel);
         }
@@ -108,7 +106,7 @@ impl<'source> Sampler<'source> {
     pub(crate) fn values(
         &mut self,
         positions: &[Option<Position>],
-        values: &mut [Option<Value>],
+        values: &mut [Option<Value<ROOM>>],
     ) -> Result<(), Error> {
         let mut corners = [u32::MAX, u32::MAX, 0, 0];
         for position in positions.iter().flatten() {
@@ -146,10 +144,10 @@ impl<'source> Sampler<'source> {
         Ok(())
     }
 
-    fn value_alone(&mut self, position: Position) -> Result<Option<Value>, Error> {
+    fn value_alone(&mut self, position: Position) -> Result<Option<Value<ROOM>>, Error> {
         let (column, row) = (position.column as i64, position.row as i64);
         let (s, t) = (position.column - column as f64, position.row - row as f64);
-        let mut corners = [([0.0; MOST_CHANNELS], false); 4];
+        let mut corners = [([0.0; ROOM], false); 4];
         for (index, corner) in corners.iter_mut().enumerate() {
             *corner = self.sample(column + (index & 1) as i64, row + (index >> 1) as i64)?;
         }
@@ -211,7 +209,7 @@ impl Window {
         }
     }
 
-    fn value(&self, position: Position, channels: usize) -> Option<Value> {
+    fn value<const ROOM: usize>(&self, position: Position, channels: usize) -> Option<Value<ROOM>> {
         // Placed positions are not negative: cutting off is rounding down.
         let (column, row) = (position.column as u32, position.row as u32);
         let (s, t) = (
@@ -225,7 +223,7 @@ impl Window {
         let near = j * self.width + i;
         let at = [near, near + right, near + below, near + below + right];
         if self.full {
-            let mut value = [0.0; MOST_CHANNELS];
+            let mut value = [0.0; ROOM];
             for (channel, value) in value.iter_mut().enumerate().take(channels) {
                 let number = |pixel: usize| {
                     self.values
@@ -242,9 +240,11 @@ impl Window {
             return Some(value);
         }
         let corners = at.map(|pixel| {
-            let mut value = [0.0; MOST_CHANNELS];
+            let mut value = [0.0; ROOM];
             if let Some(numbers) = self.values.get(pixel * channels..(pixel + 1) * channels) {
-                value[..channels].copy_from_slice(numbers);
+                for (value, number) in value.iter_mut().zip(numbers) {
+                    *value = *number;
+                }
             }
             (value, self.valid.get(pixel).copied().unwrap_or(false))
         });
@@ -261,8 +261,13 @@ fn blend([a, b, c, d]: [f64; 4], s: f64, t: f64) -> f64 {
 
 /// Bilinear over the corners that hold data, if the nearest does.
 #[inline]
-fn bilinear(corners: &[(Value, bool); 4], s: f64, t: f64, channels: usize) -> Option<Value> {
-    let mut value = [0.0; MOST_CHANNELS];
+fn bilinear<const ROOM: usize>(
+    corners: &[(Value<ROOM>, bool); 4],
+    s: f64,
+    t: f64,
+    channels: usize,
+) -> Option<Value<ROOM>> {
+    let mut value = [0.0; ROOM];
     if corners.iter().all(|(_, valid)| *valid) {
         for (channel, value) in value.iter_mut().enumerate().take(channels) {
             *value = blend(corners.map(|(v, _)| v[channel]), s, t);

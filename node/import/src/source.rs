@@ -3,6 +3,7 @@
 //! within a byte budget. Sources know nothing of tiles.
 
 mod archive;
+mod convert;
 #[cfg(test)]
 mod fixtures;
 mod geotiff;
@@ -11,6 +12,7 @@ mod netcdf;
 mod picture;
 mod pixels;
 mod raw;
+mod reading;
 mod tiff_directory;
 mod tiff_image;
 mod tiff_tags;
@@ -19,6 +21,7 @@ use std::path::Path;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 pub(crate) use pixels::{Pixels, Samples};
+use tiles::SampleType;
 
 use crate::error::SourceError;
 use crate::grid::Grid;
@@ -47,8 +50,8 @@ pub(crate) struct Description {
     pub(crate) channels: usize,
     /// Whole numbers, before scale and offset.
     pub(crate) integer: bool,
-    /// Sample type of a SAR layer made from it.
-    pub(crate) wide: SampleWidth,
+    /// Sample type of a layer that is made from it alone.
+    pub(crate) sample_type: SampleType,
     /// Metres = scale × sample + offset, for elevation.
     pub(crate) scale: f64,
     pub(crate) offset: f64,
@@ -56,14 +59,6 @@ pub(crate) struct Description {
     pub(crate) chunk: (u32, u32),
     /// Bytes of a decoded chunk.
     pub(crate) chunk_bytes: u64,
-}
-
-/// The widths a SAR layer may have.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum SampleWidth {
-    U8,
-    U16,
-    F32,
 }
 
 /// One raster, ready to be read.

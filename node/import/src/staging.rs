@@ -20,7 +20,7 @@ const TILES: &str = "tiles";
 /// Tiles finer than the wanted level, which are only there to be filtered.
 const FINER: &str = "finer";
 /// Changes with every change of the arithmetic: tiles of another program are not continued.
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 
 /// Everything that decides what an import makes.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

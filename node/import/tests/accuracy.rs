@@ -13,7 +13,7 @@ mod support;
 
 use proj4rs::Proj;
 use proj4rs::transform::transform;
-use support::{Placement, Random, Values, options, run, shared, write_geotiff};
+use support::{Placement, Random, Values, embedded, options, run, shared, write_geotiff};
 use tiles::Kind;
 
 /// Positions tried in each source.
@@ -399,4 +399,46 @@ fn a_cloud_optimised_source_is_within_half_the_local_difference() {
     let (beyond, worst) = compare(&mut Values::open(&into), report.levels[0], &sierra);
     println!("sierra: {beyond} of {TRIES} beyond, by up to {worst} m");
     assert_eq!(beyond, 0, "by up to {worst} m");
+}
+
+/// Latitude, longitude and the sample there, by rasterio and pyproj, of sources with unusual places.
+#[test]
+fn fixtures_lie_where_gdal_says() {
+    let Some(fixtures) = shared("tiff-fixtures") else {
+        return;
+    };
+    let table = std::fs::read_to_string(embedded("tiff_places.tsv")).unwrap();
+    for line in table.lines() {
+        let fields: Vec<&str> = line.split('\t').collect();
+        let directory = tempfile::tempdir().unwrap();
+        let mut asked = options(
+            Kind::Elevation,
+            &[fixtures.join(fields[0])],
+            directory.path(),
+        );
+        asked.bands = Some(vec![1]);
+        // Palettes and JPEG colours are no heights: their reds are looked at.
+        let imagery = fields[1] == "imagery";
+        if imagery {
+            asked.kind = Kind::Imagery;
+            asked.bands = None;
+        }
+        let report = run(&asked).unwrap();
+        let mut values = Values::open(directory.path());
+        for place in &fields[3..] {
+            let numbers: Vec<f64> = place.split(',').map(|n| n.parse().unwrap()).collect();
+            let [latitude, longitude, due, difference] = numbers[..] else {
+                panic!("{place}")
+            };
+            let value = values.at(latitude, longitude, report.levels[0], 0);
+            let value = value
+                .unwrap_or_else(|| panic!("{}: nothing at {latitude}, {longitude}", fields[0]));
+            let tolerance = 0.5 * difference + if imagery { 3.0 } else { 0.1 };
+            assert!(
+                (value - due).abs() <= tolerance,
+                "{}: {value} at {latitude}, {longitude}, due {due}",
+                fields[0]
+            );
+        }
+    }
 }

@@ -7,7 +7,8 @@ mod support;
 use std::path::{Path, PathBuf};
 
 use geodesy::{Ellipsoid, TilePosition};
-use support::{Placement, Values, options, run, shared, write_geotiff};
+use support::{Placement, Values, options, run, shared, write_bands, write_geotiff};
+use tiff::encoder::colortype::{RGB16, RGB32Float};
 use tiles::Kind;
 
 const COARSE: Placement = Placement {
@@ -146,6 +147,77 @@ fn both_at_once_are_the_same_as_one_after_the_other() {
     assert_eq!(tiles, other.repository.tiles().unwrap());
     for (tile, _) in tiles {
         assert_eq!(one.tile(tile), other.tile(tile));
+    }
+}
+
+#[test]
+fn raw_imagery_refines_and_fills_like_heights() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = |name: String| directory.path().join(name);
+    let hole = |c, r| HOLE.contains(&c) && HOLE.contains(&r);
+    for float in [false, true] {
+        let [coarse, fine] = ["coarse", "fine"].map(|n| path(format!("{n}{float}.tif")));
+        let unit = if float { 0.125 } else { 1.0 };
+        if float {
+            write_bands::<RGB32Float>(&coarse, (160, 120), COARSE, None, &[], |_, _, b| {
+                (100.0 + b as f32) * 0.125
+            });
+            write_bands::<RGB32Float>(&fine, (300, 300), FINE, None, &[], |c, r, b| {
+                if hole(c, r) {
+                    f32::NAN
+                } else {
+                    (60_000.0 + b as f32) * 0.125
+                }
+            });
+        } else {
+            write_bands::<RGB16>(&coarse, (160, 120), COARSE, None, &[], |_, _, b| {
+                100 + b as u16
+            });
+            write_bands::<RGB16>(&fine, (300, 300), FINE, Some(0.0), &[], |c, r, b| {
+                if hole(c, r) { 0 } else { 60_000 + b as u16 }
+            });
+        }
+        let orders = [
+            [coarse.clone(), fine.clone()]
+                .map(|source| vec![source])
+                .to_vec(),
+            [fine.clone(), coarse.clone()]
+                .map(|source| vec![source])
+                .to_vec(),
+            vec![vec![fine.clone(), coarse.clone()]],
+        ];
+        let mut first: Option<Values> = None;
+        for (number, order) in orders.into_iter().enumerate() {
+            let into = path(format!("{number}{float}"));
+            for sources in order {
+                run(&options(Kind::Imagery, &sources, &into)).unwrap();
+            }
+            let mut values = Values::open(&into);
+            let deepest = values.repository.dataset().deepest_level;
+            for channel in 0..3_u8 {
+                let mut near = |(latitude, longitude), due: f64| {
+                    let value = values.at(latitude, longitude, deepest, channel).unwrap();
+                    let due = (due + f64::from(channel)) * unit;
+                    assert!((value - due).abs() < 1e-9 * due, "{value}, due {due}");
+                };
+                near(place(FINE, 50.0, 50.0), 60_000.0);
+                near(place(FINE, 130.0, 130.0), 100.0);
+                near(place(FINE, -4.0, 150.0), 100.0);
+            }
+            assert!(values.check_shared_nodes() > 1000);
+            match &mut first {
+                None => first = Some(values),
+                // Coarse first is the order that a single import takes too.
+                Some(first) if number == 2 => {
+                    let tiles = first.repository.tiles().unwrap();
+                    assert_eq!(tiles, values.repository.tiles().unwrap());
+                    for (tile, _) in tiles {
+                        assert_eq!(first.tile(tile), values.tile(tile), "{tile}");
+                    }
+                }
+                Some(_) => {}
+            }
+        }
     }
 }
 

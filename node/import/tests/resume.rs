@@ -11,7 +11,9 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
 use import::{ImportError, Progress, import};
-use support::{Placement, Random, Values, options, run, write_geotiff};
+use support::{Placement, Random, Values, options, run, write_bands, write_geotiff};
+use tiff::encoder::colortype::{RGB16, RGB32Float};
+use tiff::tags::ExtraSamples;
 use tiles::Kind;
 
 /// Set for the process that is to be killed.
@@ -164,6 +166,52 @@ fn a_killed_import_goes_on_where_it_stopped() {
         (report.tiles, report.bytes, false)
     );
     same_tiles(&into, &whole);
+}
+
+#[test]
+fn raw_imagery_goes_on_where_it_stopped() {
+    let directory = tempfile::tempdir().unwrap();
+    for sample_type in [tiles::SampleType::U16, tiles::SampleType::F32] {
+        let path = directory.path().join(format!("{sample_type:?}.tif"));
+        let number = |column: u32, row: u32, band: usize| {
+            let mut random = Random(u64::from(column / 3) << 32 | u64::from(row / 3));
+            random.within(0.0, 60_000.0) + band as f64
+        };
+        let infrared = [ExtraSamples::Unspecified];
+        let size = (1000, 700);
+        if sample_type == tiles::SampleType::U16 {
+            write_bands::<RGB16>(&path, size, PLACEMENT, None, &infrared, |c, r, b| {
+                number(c, r, b) as u16
+            });
+        } else {
+            write_bands::<RGB32Float>(&path, size, PLACEMENT, None, &infrared, |c, r, b| {
+                number(c, r, b) as f32
+            });
+        }
+        let [into, whole] =
+            ["stopped", "whole"].map(|n| directory.path().join(format!("{n}{sample_type:?}")));
+        let cancel = AtomicBool::new(false);
+        let stopper = Stopper {
+            cancel: &cancel,
+            left: AtomicU64::new(30),
+            notes: Mutex::default(),
+        };
+        // One thread takes the tiles in one order: some of those without data, some with.
+        let mut asked = options(Kind::Imagery, std::slice::from_ref(&path), &into);
+        asked.threads = Some(1);
+        assert!(matches!(
+            import(&asked, &stopper, &cancel),
+            Err(ImportError::Cancelled)
+        ));
+        let finished = staged_tiles(&into);
+        assert!(finished.len() >= 4, "{}", finished.len());
+        assert!(run(&asked).unwrap().resumed);
+        let plain = run(&options(Kind::Imagery, &[path], &whole)).unwrap();
+        assert!(plain.tiles > finished.len() as u64 && !plain.resumed);
+        same_tiles(&into, &whole);
+        let dataset = Values::open(&into).repository.dataset().clone();
+        assert_eq!((dataset.sample_type, dataset.channels), (sample_type, 4));
+    }
 }
 
 #[test]

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use zip::ZipArchive;
 
 use super::hgt;
-use super::pixels::Reading;
+use super::reading::Reading;
 use super::{Pixels, Raster, Source};
 use crate::error::SourceError;
 use crate::options::ImportOptions;

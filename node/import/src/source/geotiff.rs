@@ -10,12 +10,13 @@ use std::sync::Arc;
 
 use tiles::Kind;
 
-use super::pixels::{Bands, Colour, Number, RawSamples, Reading};
+use super::pixels::{Bands, Colour, Number, RawSamples};
 use super::raw::Rows;
+use super::reading::Reading;
 use super::tiff_directory::{Directories, tag};
 use super::tiff_image::{Image, Layout, Opener};
 use super::tiff_tags::{Tags, cut_off, gdal_item, palette};
-use super::{Description, Pixels, Raster, SampleWidth, Source, badly_placed, without_georeference};
+use super::{Description, Pixels, Raster, Source, badly_placed, without_georeference};
 use crate::crs::Crs;
 use crate::error::SourceError;
 use crate::geokeys::GeoTags;
@@ -107,7 +108,7 @@ pub(super) fn open(
         grid,
         channels: reading.channels(),
         integer: layout.number.is_integer(),
-        wide: SampleWidth::of(layout.number),
+        sample_type: reading.sample_type(),
         scale,
         offset,
         chunk: (layout.chunk_width, layout.chunk_height),

@@ -8,8 +8,9 @@ use std::sync::Arc;
 
 use tiles::Kind;
 
-use super::pixels::{Bands, Colour, Number, RawSamples, Reading};
-use super::{Description, Pixels, Raster, SampleWidth, Source, badly_placed};
+use super::pixels::{Bands, Colour, Number, RawSamples};
+use super::reading::Reading;
+use super::{Description, Pixels, Raster, Source, badly_placed};
 use crate::crs::Crs;
 use crate::error::SourceError;
 use crate::grid::{Affine, Grid};
@@ -99,7 +100,7 @@ pub(super) fn describe(
         grid,
         channels: 1,
         integer: true,
-        wide: SampleWidth::F32,
+        sample_type: reading.sample_type(),
         scale: 1.0,
         offset: 0.0,
         chunk,

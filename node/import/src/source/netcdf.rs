@@ -8,8 +8,9 @@ use std::sync::Arc;
 use netcdf_reader::{NcFile, NcSliceInfo, NcSliceInfoElem, NcType, NcVariable};
 use tiles::Kind;
 
-use super::pixels::{Bands, Colour, Number, RawSamples, Reading};
-use super::{Description, Pixels, Raster, SampleWidth, Source, badly_placed};
+use super::pixels::{Bands, Colour, Number, RawSamples};
+use super::reading::Reading;
+use super::{Description, Pixels, Raster, Source, badly_placed};
 use crate::crs::Crs;
 use crate::error::SourceError;
 use crate::grid::{Affine, Grid};
@@ -131,7 +132,7 @@ pub(super) fn open(
         grid,
         channels: 1,
         integer,
-        wide: SampleWidth::F32,
+        sample_type: reading.sample_type(),
         scale: scaled("scale_factor", 1.0),
         offset: scaled("add_offset", 0.0),
         chunk: (width, band_rows),

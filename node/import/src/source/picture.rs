@@ -8,9 +8,10 @@ use std::path::{Path, PathBuf};
 
 use image::{ColorType, ImageDecoder, ImageReader};
 
-use super::pixels::{Bands, Colour, Number, RawSamples, Reading};
+use super::pixels::{Bands, Colour, Number, RawSamples};
 use super::raw::Rows;
-use super::{Description, Pixels, Raster, SampleWidth, Source, badly_placed, without_georeference};
+use super::reading::Reading;
+use super::{Description, Pixels, Raster, Source, badly_placed, without_georeference};
 use crate::error::SourceError;
 use crate::grid::Grid;
 use crate::options::{Endianness, ImportOptions};
@@ -55,7 +56,7 @@ pub(super) fn open(
             return Err(SourceError::refused(
                 file,
                 format!("its samples are {other:?}, which this program does not read"),
-                "Convert it to 8-bit greys or RGB.",
+                "Convert it to greys or RGB of 8 or 16 bits.",
             ));
         }
     };
@@ -103,7 +104,7 @@ pub(super) fn open(
         grid,
         channels: reading.channels(),
         integer: true,
-        wide: SampleWidth::of(number),
+        sample_type: reading.sample_type(),
         scale: 1.0,
         offset: 0.0,
         chunk: (width, height),

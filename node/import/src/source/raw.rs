@@ -7,8 +7,9 @@ use std::io::{Read, Seek, SeekFrom};
 use std::path::Path;
 use std::sync::{Mutex, PoisonError};
 
-use super::pixels::{Bands, Colour, Number, RawSamples, Reading};
-use super::{Description, Pixels, Raster, SampleWidth, Source, badly_placed, without_georeference};
+use super::pixels::{Bands, Colour, Number, RawSamples};
+use super::reading::Reading;
+use super::{Description, Pixels, Raster, Source, badly_placed, without_georeference};
 use crate::error::SourceError;
 use crate::grid::Grid;
 use crate::options::{Endianness, ImportOptions, RawLayout, RawSample};
@@ -128,7 +129,7 @@ impl Rows {
             grid,
             channels: self.reading.channels(),
             integer: self.reading.number().is_integer(),
-            wide: SampleWidth::of(self.reading.number()),
+            sample_type: self.reading.sample_type(),
             scale,
             offset,
             chunk,
@@ -137,16 +138,6 @@ impl Rows {
                 * self.reading.bytes_a_pixel() as u64,
         };
         Source::new(description, Box::new(self))
-    }
-}
-
-impl SampleWidth {
-    pub(super) const fn of(number: Number) -> Self {
-        match number {
-            Number::Bits(_) => Self::U8,
-            Number::U16 => Self::U16,
-            _ => Self::F32,
-        }
     }
 }
 

@@ -72,7 +72,7 @@ impl Layout {
                     format!(
                         "its samples are {kind} of {bits} bits, which this program does not read"
                     ),
-                    "Convert it: gdal_translate -ot Float32 IN OUT (for imagery -ot Byte -scale).",
+                    "Convert it: gdal_translate -ot Float32 IN OUT (-ot UInt16 where that holds them).",
                 ));
             }
         };

@@ -14,8 +14,9 @@ use std::sync::atomic::AtomicBool;
 
 use geodesy::{Ellipsoid, LatticePoint, TilePosition};
 use import::{ImportError, ImportOptions, ImportReport, Silent, import};
-use tiff::encoder::{TiffEncoder, colortype};
-use tiff::tags::Tag;
+use tiff::encoder::colortype::{self, ColorType};
+use tiff::encoder::{TiffEncoder, TiffValue};
+use tiff::tags::{ExtraSamples, Tag};
 use tiles::{Kind, Repository, TileData};
 
 /// Options with nothing asked for.
@@ -92,7 +93,7 @@ impl Placement {
     }
 }
 
-/// Writes a GeoTIFF of 32-bit floating-point samples.
+/// Writes a GeoTIFF of one band of 32-bit floating-point samples.
 pub fn write_geotiff(
     path: &Path,
     width: u32,
@@ -101,11 +102,43 @@ pub fn write_geotiff(
     nodata: Option<f64>,
     value: impl Fn(u32, u32) -> f32,
 ) {
+    let size = (width, height);
+    write_bands::<colortype::Gray32Float>(path, size, placement, nodata, &[], |c, r, _| {
+        value(c, r)
+    });
+}
+
+/// Writes a GeoTIFF of the bands that the colour type names and `extra` ones, interleaved by pixel.
+pub fn write_bands<C: ColorType>(
+    path: &Path,
+    size: (u32, u32),
+    placement: Placement,
+    nodata: Option<f64>,
+    extra: &[ExtraSamples],
+    value: impl Fn(u32, u32, usize) -> C::Inner,
+) where
+    [C::Inner]: TiffValue,
+{
     let file = std::fs::File::create(path).unwrap();
     let mut encoder = TiffEncoder::new(std::io::BufWriter::new(file)).unwrap();
-    let mut image = encoder
-        .new_image::<colortype::Gray32Float>(width, height)
-        .unwrap();
+    write_image::<C, _>(&mut encoder, size, placement, nodata, extra, value);
+}
+
+/// One image of [`write_bands`]; others may follow it.
+pub fn write_image<C: ColorType, W: std::io::Write + std::io::Seek>(
+    encoder: &mut TiffEncoder<W>,
+    (width, height): (u32, u32),
+    placement: Placement,
+    nodata: Option<f64>,
+    extra: &[ExtraSamples],
+    value: impl Fn(u32, u32, usize) -> C::Inner,
+) where
+    [C::Inner]: TiffValue,
+{
+    let mut image = encoder.new_image::<C>(width, height).unwrap();
+    if !extra.is_empty() {
+        image.extra_samples(extra).unwrap();
+    }
     let Placement {
         epsg,
         geographic,
@@ -116,6 +149,7 @@ pub fn write_geotiff(
         point,
     } = placement;
     let (model, key) = if geographic { (2, 2048) } else { (1, 3072) };
+    let registration = if point { 2 } else { 1 };
     let keys: [u16; 16] = [
         1,
         1,
@@ -128,7 +162,7 @@ pub fn write_geotiff(
         1025,
         0,
         1,
-        if point { 2 } else { 1 },
+        registration,
         key,
         0,
         1,
@@ -148,11 +182,26 @@ pub fn write_geotiff(
         tags.write_tag(Tag::from_u16_exhaustive(42113), nodata.to_string().as_str())
             .unwrap();
     }
-    let samples: Vec<f32> = (0..height)
+    let bands = C::BITS_PER_SAMPLE.len() + extra.len();
+    let samples: Vec<C::Inner> = (0..height)
         .flat_map(|row| (0..width).map(move |column| (column, row)))
-        .map(|(c, r)| value(c, r))
+        .flat_map(|(column, row)| (0..bands).map(move |band| (column, row, band)))
+        .map(|(column, row, band)| value(column, row, band))
         .collect();
-    image.write_data(&samples).unwrap();
+    let mut rest = &samples[..];
+    while image.next_strip_sample_count() > 0 {
+        let (strip, after) = rest.split_at(image.next_strip_sample_count() as usize);
+        image.write_strip(strip).unwrap();
+        rest = after;
+    }
+    image.finish().unwrap();
+}
+
+/// Real data that lies with the tests of the whole.
+pub fn real(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("../../tests/data")
+        .join(name)
 }
 
 /// Values of a repository, its tiles kept once read.
