@@ -11,7 +11,7 @@ DATA      := out/data
 # What decides the bytes of a repository: when it changes, the data is imported anew.
 IMPORTER  := $(wildcard node/import/src/*.rs node/import/src/*/*.rs node/tiles/src/*.rs protocol/geodesy/src/*.rs)
 
-.PHONY: help setup build data demo picture test bench lint clean
+.PHONY: help setup build data demo layers picture test bench lint clean
 
 help: ## lists these targets
 	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-8s %s\n", $$1, $$2 }' Makefile
@@ -22,7 +22,7 @@ setup: ## installs a software Vulkan driver where there is none (root), or says 
 build: ## builds the terrawall command
 	cargo build --release --workspace --locked
 
-data: build $(DATA)/.elevation $(DATA)/.imagery ## imports the embedded data into out/data
+data: build $(addprefix $(DATA)/.,elevation imagery etopo5 srtm landsat radar) ## imports the embedded data into out/data
 
 # `build` comes first, but must not make the data look old.
 $(DATA)/.elevation: $(SOURCES)/etopo5.tif $(SOURCES)/N45E006.zip $(IMPORTER) | build
@@ -36,6 +36,27 @@ $(DATA)/.imagery: $(SOURCES)/bmng.jpg $(IMPORTER) | build
 	$(TERRAWALL) import $(SOURCES)/bmng.jpg --into $(DATA)/imagery --kind imagery --extent=-180,-90,180,90
 	@touch $@
 
+# The same models apart, for scenes that fuse them themselves; and raw samples of other sensors.
+$(DATA)/.etopo5: $(SOURCES)/etopo5.tif $(IMPORTER) | build
+	rm -rf $(DATA)/etopo5
+	$(TERRAWALL) import $(SOURCES)/etopo5.tif --into $(DATA)/etopo5 --kind elevation
+	@touch $@
+
+$(DATA)/.srtm: $(SOURCES)/N45E006.zip $(IMPORTER) | build
+	rm -rf $(DATA)/srtm
+	$(TERRAWALL) import $(SOURCES)/N45E006.zip --into $(DATA)/srtm --kind elevation
+	@touch $@
+
+$(DATA)/.landsat: $(SOURCES)/iguazu.tif $(IMPORTER) | build
+	rm -rf $(DATA)/landsat
+	$(TERRAWALL) import $(SOURCES)/iguazu.tif --into $(DATA)/landsat --kind imagery
+	@touch $@
+
+$(DATA)/.radar: $(SOURCES)/ironwood.tif $(IMPORTER) | build
+	rm -rf $(DATA)/radar
+	$(TERRAWALL) import $(SOURCES)/ironwood.tif --into $(DATA)/radar --kind sar
+	@touch $@
+
 demo: setup data ## flies over the Earth on a wall of four nodes and leaves a picture and a report
 	@rm -rf out/demo
 	$(TERRAWALL) up configs/walls/demo-2x2.toml --scene configs/scenes/demo.toml \
@@ -44,9 +65,21 @@ demo: setup data ## flies over the Earth on a wall of four nodes and leaves a pi
 	@echo "The whole wall:  out/demo/wall.png"
 	@echo "What it took:    out/demo/report.json"
 
-picture: demo ## renews the picture in the README
+# One frame a quarter of a second: the camera's path reaches its three places at frames 1, 17 and 33.
+LAYERS := $(TERRAWALL) up configs/walls/single.toml --scene configs/scenes/layers.toml --headless --no-control --fps 4
+
+layers: setup data ## fuses layers, looks at them through lenses, and leaves three pictures
+	@rm -rf out/layers
+	$(LAYERS) --frames 1 --capture out/layers/alps
+	$(LAYERS) --frames 17 --capture out/layers/itaipu
+	$(LAYERS) --frames 33 --capture out/layers/ironwood
+	@echo
+	@echo "The pictures:  out/layers/{alps,itaipu,ironwood}/wall.png"
+
+picture: demo layers ## renews the pictures in the README
 	mkdir -p tests/pictures
 	cp out/demo/wall.png tests/pictures/wall.png
+	for place in alps itaipu ironwood; do cp out/layers/$$place/wall.png tests/pictures/layers-$$place.png; done
 
 test: ## all tests, with a GPU (a software driver will do) required
 	@.ci/setup test

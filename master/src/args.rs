@@ -94,6 +94,10 @@ pub(crate) struct Up {
     /// What to show.
     #[command(flatten)]
     pub(crate) show: Show,
+    /// Let every node write a digest of each of its outputs after every frame to NAME.tsv in this directory:
+    /// proof of what was shown at every frame; costs a read-back per frame
+    #[arg(long, value_name = "DIRECTORY")]
+    pub(crate) digests: Option<PathBuf>,
 }
 
 /// `terrawall master`
@@ -128,6 +132,11 @@ pub(crate) struct Node {
     /// Render without windows, even where there is a display
     #[arg(long)]
     pub(crate) headless: bool,
+    /// Write a line per output after every frame to this file: frame, revision of the scene, output, digest of
+    /// its pixels (first 16 bytes of the SHA-256), whether it was redrawn and had converged. It is proof of what
+    /// was shown at every frame; costs a read-back per frame
+    #[arg(long, value_name = "FILE")]
+    pub(crate) digests: Option<PathBuf>,
     /// End when standard input closes: set for the nodes that `terrawall up` starts
     #[arg(long, hide = true)]
     pub(crate) leave_with_parent: bool,
@@ -194,6 +203,8 @@ pub(crate) enum Bench {
     Starts(BenchStarts),
     /// Frame times of one 1280×720 output on the local adapter
     Frame(BenchFrame),
+    /// Tiles a second of every processing stage, beside copies of the same bytes on the same adapter
+    Process(BenchProcess),
     /// CPU time and bytes of imports, beside gdal2tiles where GDAL is installed
     Import(BenchImport),
     /// All of the above, with plots
@@ -252,6 +263,17 @@ pub(crate) struct BenchFrame {
     /// Frames to time of each view
     #[arg(long, value_name = "N", default_value_t = 60, value_parser = clap::value_parser!(u32).range(1..))]
     pub(crate) frames: u32,
+    /// Write the figures as JSON
+    #[arg(long, value_name = "FILE")]
+    pub(crate) report: Option<PathBuf>,
+    /// Print JSON instead of a table
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+/// `terrawall bench process`
+#[derive(Debug, ArgumentGroup)]
+pub(crate) struct BenchProcess {
     /// Write the figures as JSON
     #[arg(long, value_name = "FILE")]
     pub(crate) report: Option<PathBuf>,

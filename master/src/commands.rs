@@ -3,6 +3,7 @@
 mod bench;
 mod bench_frame;
 mod bench_import;
+mod bench_process;
 mod bench_starts;
 mod check;
 mod control;

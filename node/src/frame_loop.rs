@@ -13,6 +13,7 @@ use protocol::message::{MAX_NEW_TILES, MoveLens, Steer, Swap};
 use protocol::{Scene, ToMaster, View, Wall};
 use winit::window::Window;
 
+use crate::digests::DigestFile;
 use crate::mail::{Arrived, End, Inbox, Mail, Outgoing};
 use crate::picture::{Picture, PictureError, PictureMaker, PictureRequest};
 use crate::presentation::{Arrivals, Waiting};
@@ -56,7 +57,13 @@ pub(crate) struct FrameLoop {
     steps: VecDeque<Step>,
     arrivals: Arrivals,
     waiting: Option<Waiting>,
+    /// The revision of the picture drawn last, if the scene in preparation has not gone on since.
+    ahead_due: Option<u64>,
+    /// When a picture was presented last.
+    presented_us: i64,
     presenting: Option<Swap>,
+    /// Where what was shown is written down, if it is.
+    digests: Option<DigestFile>,
     priority: Priority,
     rest_until_us: i64,
     counters_due_us: i64,
@@ -66,7 +73,11 @@ pub(crate) struct FrameLoop {
 }
 
 impl FrameLoop {
-    pub(crate) fn new(mail: Arc<Mail>, maker: Box<dyn PictureMaker>) -> Self {
+    pub(crate) fn new(
+        mail: Arc<Mail>,
+        maker: Box<dyn PictureMaker>,
+        digests: Option<DigestFile>,
+    ) -> Self {
         Self {
             mail,
             maker,
@@ -78,7 +89,10 @@ impl FrameLoop {
             steps: VecDeque::new(),
             arrivals: Arrivals::default(),
             waiting: None,
+            ahead_due: None,
+            presented_us: i64::MIN,
             presenting: None,
+            digests,
             priority: Priority::of_this_thread(),
             rest_until_us: i64::MIN,
             counters_due_us: i64::MAX,
@@ -108,7 +122,10 @@ impl FrameLoop {
                 self.prepare_scene();
                 self.draw(&view);
             }
-            Some(Step::SayReady { epoch, frame }) => self.say_ready(epoch, frame),
+            Some(Step::SayReady { epoch, frame }) => {
+                self.say_ready(epoch, frame);
+                self.prepare_ahead_before_presentation();
+            }
             Some(Step::Present(swap)) => self.presenting = Some(swap),
             None => {
                 if self.waiting.is_some() {
@@ -236,6 +253,7 @@ impl FrameLoop {
         self.steps.clear();
         self.arrivals = Arrivals::default();
         self.waiting = None;
+        self.ahead_due = None;
         self.presenting = None;
         self.early_view = None;
         // Revisions are numbers of one run of one master.

@@ -4,6 +4,7 @@
 //! all other nodes of the wall. Two threads: the calling one draws and presents, the network's one listens
 //! and speaks. The node outlives its master: it keeps the last picture and looks for the next one.
 
+mod digests;
 mod frame_loop;
 mod known_scenes;
 mod mail;
@@ -19,16 +20,20 @@ mod steering;
 mod window;
 
 use std::io;
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use link::Identity;
 use winit::event_loop::{EventLoop, OwnedDisplayHandle};
 
+use digests::DigestFile;
 use frame_loop::{FrameLoop, Next};
 use mail::Mail;
 use session::Session;
 
+pub use digests::DigestError;
 pub use picture::{Drawn, OutputImage, Picture, PictureError, PictureMaker, PictureRequest};
+pub use render::StageTiming;
 pub use renderer::WallPictureMaker;
 pub use session::SessionError;
 
@@ -42,6 +47,10 @@ pub struct NodeOptions {
     pub identity: Identity,
     /// No windows, even for outputs that have a place on a desktop.
     pub headless: bool,
+    /// Where to write the digest of every output after every presentation: tab-separated lines of frame, revision of
+    /// the scene, output, first 16 bytes of the SHA-256 of its RGBA pixels, redrawn and converged (0 or 1). An older
+    /// file is replaced. It costs a read-back a frame.
+    pub digests: Option<PathBuf>,
     /// Asked ten times a second whether the node is to end.
     pub stop: Arc<dyn Fn() -> bool + Send + Sync>,
     /// Told when the node finds or loses its master, on the network's thread.
@@ -86,6 +95,9 @@ pub enum NodeError {
     /// It has nothing to draw with.
     #[error(transparent)]
     Picture(#[from] PictureError),
+    /// It cannot write down what it shows.
+    #[error(transparent)]
+    Digests(#[from] DigestError),
     /// There is no display for its windows.
     #[error(
         "no display for windows: {0}; start the node inside a graphical session, set DISPLAY, or add \
@@ -117,10 +129,12 @@ pub fn run(
     open: impl FnOnce(Option<OwnedDisplayHandle>) -> Result<Box<dyn PictureMaker>, PictureError>,
 ) -> Result<NodeOutcome, NodeError> {
     link::use_precise_timers();
+    let digests = options.digests.as_deref();
+    let digests = digests.map(DigestFile::create).transpose()?;
     if options.headless {
         let maker = open(None)?;
         let (mail, network) = start_network(options, maker.adapter(), None)?;
-        let result = run_headless(FrameLoop::new(Arc::clone(&mail), maker), &mail);
+        let result = run_headless(FrameLoop::new(Arc::clone(&mail), maker, digests), &mail);
         let _panicked = network.join();
         return result;
     }
@@ -134,7 +148,10 @@ pub fn run(
         let _over = proxy.send_event(window::Wake);
     });
     let (mail, network) = start_network(options, maker.adapter(), Some(waker))?;
-    let result = window::run(event_loop, FrameLoop::new(Arc::clone(&mail), maker));
+    let result = window::run(
+        event_loop,
+        FrameLoop::new(Arc::clone(&mail), maker, digests),
+    );
     mail.request_stop();
     let _panicked = network.join();
     result

@@ -3,6 +3,7 @@
 //! of the wall's step implement it with something cheaper. Nothing here knows GPUs or the network.
 
 use std::sync::Arc;
+use std::time::Duration;
 
 use protocol::message::TileCounters;
 use protocol::{Scene, View, Wall};
@@ -34,8 +35,6 @@ pub struct Drawn {
     pub pending_tiles: u32,
     /// Triangles drawn.
     pub triangles: u64,
-    /// The scene in preparation, once everything that this view needs of it is there.
-    pub prepared: Option<u64>,
 }
 
 /// The pixels of one output.
@@ -92,6 +91,14 @@ pub trait Picture {
     /// # Errors
     /// A lost device and the like.
     fn draw(&mut self, view: &View) -> Result<Drawn, PictureError>;
+
+    /// Goes on with the scene in preparation, for the view that was drawn last, for about this long at most and
+    /// never longer than a frame can spare. To be called once after each drawing. Returns the revision in
+    /// preparation, once everything that the view needs of it is there.
+    ///
+    /// # Errors
+    /// A lost device and the like.
+    fn prepare_ahead(&mut self, at_most: Duration) -> Result<Option<u64>, PictureError>;
 
     /// Geodetic latitude and longitude in degrees of the ground under a pixel of an output, in the view that
     /// was drawn last. `output` counts the host's outputs, `pixel` is right and down from the upper left

@@ -18,6 +18,8 @@ pub(crate) struct Waiting {
     pub(crate) view_sent_us: i64,
     /// How long the view was on its way.
     pub(crate) view_latency_us: i64,
+    /// The revision of the scene that its view bore.
+    pub(crate) scene_revision: u64,
     /// How long it took to draw.
     pub(crate) draw_us: i64,
     /// What became of it.
@@ -113,6 +115,7 @@ mod tests {
         let waiting = Waiting {
             view_sent_us: 7_500,
             view_latency_us: 90,
+            scene_revision: 1,
             draw_us: -1,
             drawn: Drawn {
                 triangles: 12,

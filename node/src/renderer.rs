@@ -5,7 +5,7 @@
 
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use glam::{DMat3, DVec3};
 use protocol::message::TileCounters;
@@ -14,7 +14,7 @@ use protocol::wall::{Host, Screen};
 use protocol::{Pose, Scene, View, Wall};
 use render::{
     CacheConfig, ChannelPlan, Gpu, OutputPlan, PixelRect, PlanarScreen, RenderBudget, RenderError,
-    Renderer, TileCache, ViewPoint, WindowSurface, sun_over,
+    Renderer, StageTiming, TileCache, ViewPoint, WindowSurface, sun_over,
 };
 use winit::event_loop::OwnedDisplayHandle;
 
@@ -23,7 +23,7 @@ use crate::picture::{Drawn, OutputImage, Picture, PictureError, PictureMaker, Pi
 use crate::scene_data::scene_data;
 
 const MIB: u64 = 1 << 20;
-/// Share of a frame's time that uploads may take.
+/// Share of a frame's time that bringing data to the GPU and preparing another scene may take.
 const UPLOAD_SHARE: f64 = 0.25;
 
 /// Draws a host's outputs with the graphics adapter of this machine.
@@ -58,6 +58,15 @@ impl WallPictureMaker {
         Ok(Self {
             gpu: Arc::new(gpu.map_err(|error| unavailable(&error))?),
         })
+    }
+
+    /// How fast each processing stage is on this adapter, and last a copy of the same bytes.
+    ///
+    /// # Errors
+    /// A device that fails.
+    pub fn time_stages(&self) -> Result<Vec<StageTiming>, PictureError> {
+        render::time_stages(&self.gpu, &render::SampleWords::hills())
+            .map_err(|error| PictureError::Unavailable(error.to_string()))
     }
 }
 
@@ -277,7 +286,7 @@ impl Picture for WallPicture {
         }
         let statistics = self
             .renderer
-            .draw(&view_point, known.number)
+            .draw_shown(&view_point, known.number)
             .map_err(|error| frame_error(&error))?;
         self.scenes.drawn(known);
         if statistics.redrawn {
@@ -292,8 +301,15 @@ impl Picture for WallPicture {
             converged: statistics.converged,
             pending_tiles: statistics.pending_tiles,
             triangles: statistics.triangles,
-            prepared: self.scenes.preparing(statistics.prepared),
         })
+    }
+
+    fn prepare_ahead(&mut self, at_most: Duration) -> Result<Option<u64>, PictureError> {
+        let statistics = self
+            .renderer
+            .prepare_ahead(Instant::now() + at_most)
+            .map_err(|error| frame_error(&error))?;
+        Ok(self.scenes.preparing(statistics.prepared))
     }
 
     fn ground_under(&self, output: usize, pixel: [f64; 2]) -> Option<[f64; 2]> {

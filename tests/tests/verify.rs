@@ -1,4 +1,4 @@
-//! Tiled equals single: the demonstration wall at five poses, real processes, not one pixel different.
+//! Tiled equals single: the demonstration wall at six poses, real processes, not one pixel different.
 
 #![allow(
     clippy::unwrap_used,
@@ -18,7 +18,7 @@ fn verify(pose: &str, least_colours: usize) {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
     command::succeed(&format!(
-        "verify configs/walls/demo-2x2.toml --scene configs/scenes/verify-{pose}.toml --report {} --difference {} --keep {}",
+        "verify configs/walls/demo-2x2.toml --scene configs/scenes/{pose}.toml --report {} --difference {} --keep {}",
         at("report.json"),
         at("difference.png"),
         at("keep")
@@ -40,25 +40,31 @@ fn verify(pose: &str, least_colours: usize) {
 
 #[test]
 fn globe() {
-    verify("globe", 5000);
+    verify("verify-globe", 5000);
 }
 
 #[test]
 fn limb() {
-    verify("limb", 2000);
+    verify("verify-limb", 2000);
 }
 
 #[test]
 fn mountains() {
-    verify("mountains", 5000);
+    verify("verify-mountains", 5000);
 }
 
 #[test]
 fn pole() {
-    verify("pole", 500);
+    verify("verify-pole", 500);
 }
 
 #[test]
 fn horizon() {
-    verify("horizon", 500);
+    verify("verify-horizon", 500);
+}
+
+/// Fused layers, contour lines and the rim of a lens across the borders of the displays.
+#[test]
+fn layers() {
+    verify("layers", 5000);
 }

@@ -13,7 +13,7 @@ use crate::failure::{Failure, OrConfiguration as _};
 use crate::output;
 use crate::plot::{Plot, Series};
 
-use super::{bench_frame, bench_import, bench_starts, files, local, synthetic};
+use super::{bench_frame, bench_import, bench_process, bench_starts, files, local, synthetic};
 
 /// Runs a bench.
 pub(crate) fn run(bench: Bench) -> Result<(), Failure> {
@@ -21,6 +21,7 @@ pub(crate) fn run(bench: Bench) -> Result<(), Failure> {
         Bench::Sync(args) => sync(&args),
         Bench::Starts(args) => bench_starts::run(&args),
         Bench::Frame(args) => bench_frame::run(&args),
+        Bench::Process(args) => bench_process::run(&args),
         Bench::Import(args) => bench_import::run(&args),
         Bench::All(args) => all(&args),
     }
@@ -54,6 +55,7 @@ fn measure_sync(args: &BenchSync) -> Result<Report, Failure> {
         fps: Some(args.fps),
         frames: Some(frames),
         capture: false,
+        digests: None,
     };
     let shown = local::run(&wall, &scene, run, None)?;
     match shown.lost {
@@ -156,6 +158,11 @@ fn all(args: &BenchAll) -> Result<(), Failure> {
         bench_frame::plot(&frames).svg().as_bytes(),
     )?;
     bench_frame::print(&frames)?;
+
+    output::line("\nProcessing stages")?;
+    let stages = bench_process::measure()?;
+    output::json_file(&out.join("process.json"), &stages)?;
+    bench_process::print(&stages)?;
 
     output::line("\nImports")?;
     let imports = bench_import::measure(Path::new("tests/data"))?;

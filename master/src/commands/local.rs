@@ -14,11 +14,12 @@ use master::launch::{Children, Ended, NodeLaunch};
 use master::{Master, MasterOptions, MasterOutcome, Notice};
 use protocol::{Scene, Wall};
 
-use crate::failure::Failure;
+use crate::failure::{Failure, OrConfiguration as _};
 use crate::interrupt;
 
 use super::control::Opening;
 use super::notices::Teller;
+use super::pictures;
 
 /// How long nodes may take to leave when the run is over.
 const LEAVE: Duration = Duration::from_secs(5);
@@ -27,7 +28,7 @@ const LOOK: Duration = Duration::from_millis(50);
 
 /// What is asked of a run.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Run {
+pub(crate) struct Run<'p> {
     /// Without windows.
     pub(crate) headless: bool,
     /// Frames a second; none: the wall's.
@@ -36,6 +37,8 @@ pub(crate) struct Run {
     pub(crate) frames: Option<u64>,
     /// Pictures at the end.
     pub(crate) capture: bool,
+    /// Directory for the digests of what each node shows.
+    pub(crate) digests: Option<&'p Path>,
 }
 
 /// Who may change the scene while it is shown.
@@ -59,10 +62,15 @@ pub(crate) struct Shown {
 pub(crate) fn run(
     wall: &Wall,
     scene: &Scene,
-    run: Run,
+    run: Run<'_>,
     control: Option<Control<'_>>,
 ) -> Result<Shown, Failure> {
     check_repositories(scene)?;
+    if let Some(directory) = run.digests {
+        std::fs::create_dir_all(directory)
+            .with_context(|| format!("cannot make the directory {}", directory.display()))
+            .or_configuration()?;
+    }
     let program = std::env::current_exe().context("cannot find this program")?;
     let folder = tempfile::Builder::new()
         .prefix("terrawall-")
@@ -90,7 +98,7 @@ pub(crate) fn run(
             name: host.name.clone(),
             identity: identity_folder.clone(),
             headless: run.headless,
-            arguments: Vec::new(),
+            arguments: arguments(run, &host.name),
             environment: environment(wall.hosts.len(), folder.path()),
         })?;
     }
@@ -154,6 +162,15 @@ fn watch(
         }
     }
     Ok(dead)
+}
+
+/// What a node is told beside its place in the wall.
+fn arguments(run: Run<'_>, name: &str) -> Vec<OsString> {
+    let Some(directory) = run.digests else {
+        return Vec::new();
+    };
+    let file = directory.join(pictures::file_name(name, "tsv"));
+    vec!["--digests".into(), file.into()]
 }
 
 /// What nodes of one machine need to know of each other.

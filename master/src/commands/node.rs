@@ -28,6 +28,7 @@ pub(crate) fn run(args: Node) -> Result<(), Failure> {
         name: args.name,
         identity,
         headless,
+        digests: args.digests,
         stop: Arc::new(interrupt::requested),
         status: Arc::new(teller()),
     };
@@ -61,9 +62,8 @@ fn teller() -> impl Fn(&NodeStatus) + Send + Sync {
 /// What the operator set up wrongly has another exit status than what failed.
 fn explain(error: NodeError) -> Failure {
     match error {
-        NodeError::Session(SessionError::Refused { .. } | SessionError::Connect(_)) => {
-            Failure::Configuration(error.into())
-        }
+        NodeError::Session(SessionError::Refused { .. } | SessionError::Connect(_))
+        | NodeError::Digests(_) => Failure::Configuration(error.into()),
         error => Failure::Failed(error.into()),
     }
 }

@@ -21,14 +21,14 @@ pub(crate) fn write(
     outputs: &[CapturedOutput],
 ) -> Result<(), Failure> {
     for output in outputs {
-        let name = file_name(&format!("{}-{}", output.host, output.output));
+        let name = file_name(&format!("{}-{}", output.host, output.output), "png");
         png(&directory.join(name), &picture(output)?)?;
     }
     let screens = compose(wall, outputs)?;
     if screens.len() > 1 {
         for (screen, picture) in wall.screens.iter().zip(&screens) {
             png(
-                &directory.join(file_name(&format!("screen-{}", screen.name))),
+                &directory.join(file_name(&format!("screen-{}", screen.name), "png")),
                 picture,
             )?;
         }
@@ -111,7 +111,7 @@ fn encode(path: &Path, picture: DynamicImage) -> Result<(), Failure> {
 }
 
 /// A name that is one file's on every system.
-fn file_name(name: &str) -> String {
+pub(super) fn file_name(name: &str, ending: &str) -> String {
     let safe = |c: char| {
         if c.is_alphanumeric() || "-_.".contains(c) {
             c
@@ -119,7 +119,7 @@ fn file_name(name: &str) -> String {
             '_'
         }
     };
-    format!("{}.png", name.chars().map(safe).collect::<String>())
+    format!("{}.{ending}", name.chars().map(safe).collect::<String>())
 }
 
 #[cfg(test)]
@@ -161,6 +161,6 @@ mod tests {
             .to_rgb8();
         assert_eq!(written.get_pixel(5, 0).0, [20; 3]);
         assert!(folder.path().join("node1-out.png").is_file());
-        assert_eq!(file_name("a/b:c d"), "a_b_c_d.png");
+        assert_eq!(file_name("a/b:c d", "png"), "a_b_c_d.png");
     }
 }

@@ -40,6 +40,7 @@ pub(crate) fn up(args: &Up) -> Result<(), Failure> {
         fps: show.fps,
         frames: show.frames,
         capture: show.capture.is_some(),
+        digests: args.digests.as_deref(),
     };
     let control = local::Control {
         opening: Opening::new(&show.control)?,

@@ -105,6 +105,7 @@ fn picture(wall: &Wall, scene: &Scene) -> Result<Shown, anyhow::Error> {
         fps: None,
         frames: Some(1),
         capture: true,
+        digests: None,
     };
     let outcome = local::run(wall, scene, run, None)
         .map_err(Failure::into_error)?

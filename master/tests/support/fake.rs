@@ -4,6 +4,7 @@
 
 use std::fmt::Write as _;
 use std::path::PathBuf;
+use std::time::Duration;
 
 use node::{Drawn, OutputImage, Picture, PictureError, PictureMaker, PictureRequest};
 use protocol::message::TileCounters;
@@ -118,18 +119,20 @@ impl Picture for FakePicture {
             .drawing
             .drawings_to_converge
             .saturating_sub(self.drawings);
-        let enough = self.drawing.drawings_to_prepare;
-        let prepared = self.preparing.as_mut().and_then(|scene| {
-            scene.drawings = scene.drawings.saturating_add(1);
-            (enough != u32::MAX && scene.drawings >= enough).then_some(scene.revision)
-        });
         Ok(Drawn {
             redrawn,
             converged,
             pending_tiles,
             triangles: 1,
-            prepared,
         })
+    }
+
+    fn prepare_ahead(&mut self, _at_most: Duration) -> Result<Option<u64>, PictureError> {
+        let enough = self.drawing.drawings_to_prepare;
+        Ok(self.preparing.as_mut().and_then(|scene| {
+            scene.drawings = scene.drawings.saturating_add(1);
+            (enough != u32::MAX && scene.drawings >= enough).then_some(scene.revision)
+        }))
     }
 
     /// A flat map of the whole Earth on each output.

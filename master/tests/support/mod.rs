@@ -110,6 +110,7 @@ pub(crate) fn be_a_node() {
         name,
         identity: Identity::load(Path::new(&get("IDENTITY"))).unwrap(),
         headless: true,
+        digests: None,
         stop: Arc::new(|| false),
         status: Arc::new(|_| {}),
     };

@@ -68,8 +68,14 @@ pub(crate) struct Gather<'a> {
     pub(crate) scene: &'a LoadedScene,
     /// Another scene is shown or prepared beside this one, and needs as much room.
     pub(crate) shares: bool,
+    /// The scene is in preparation: nothing of it is drawn yet, so all of it can be made bit by bit.
+    pub(crate) ahead: bool,
     pub(crate) frame: u64,
     pub(crate) upload_until: Instant,
+    /// Steps of processing that this frame may still begin, on a device where a step takes long.
+    pub(crate) steps_left: Option<u32>,
+    /// Something was processed in this frame.
+    pub(crate) worked: bool,
     pub(crate) wants: Vec<(DatasetId, Tile, f32)>,
     /// Wanted tiles that can be expected; those that failed to load are tried again, but not waited for.
     pub(crate) pending: HashSet<(DatasetId, Tile)>,
@@ -257,6 +263,10 @@ impl Gather<'_> {
                 fuse: &fuse,
                 content: heights_content(scene, *leaf),
             };
+            if self.ahead && !self.may_build() && !self.meshes.holds(&request) {
+                self.behind = true;
+                continue;
+            }
             let prepared =
                 self.meshes
                     .prepare(self.gpu, &scene.data.ellipsoid, &request, self.frame);
@@ -336,9 +346,17 @@ impl Gather<'_> {
         self.wants.push((source.id, tile, priority));
     }
 
+    /// Whether a mesh may be built for the scene in preparation.
+    fn may_build(&self) -> bool {
+        self.statistics.meshes_built == 0 || Instant::now() < self.upload_until
+    }
+
     pub(crate) fn may_upload(&self) -> bool {
         // At least one a frame, or a slow machine would never finish.
-        self.statistics.processed_tiles == 0 || Instant::now() < self.upload_until
+        match self.steps_left {
+            Some(steps) => steps > 0,
+            None => !self.worked || Instant::now() < self.upload_until,
+        }
     }
 }
 

@@ -142,14 +142,26 @@ impl Gpu {
         self.adapter.get_info().device_type == wgpu::DeviceType::Cpu
     }
 
+    /// True where all submitted work is done. Does not wait.
+    pub fn is_idle(&self) -> Result<bool, GpuError> {
+        self.device
+            .poll(wgpu::PollType::Poll)
+            .map(|status| status.is_queue_empty())
+            .map_err(|error| self.failed(&error))
+    }
+
     /// Waits until all submitted work is done.
     pub fn wait(&self) -> Result<(), GpuError> {
         self.device
             .poll(wgpu::PollType::wait_indefinitely())
             .map(|_| ())
-            .map_err(|error| GpuError::Unusable {
-                adapter: self.name(),
-                reason: error.to_string(),
-            })
+            .map_err(|error| self.failed(&error))
+    }
+
+    fn failed(&self, error: &wgpu::PollError) -> GpuError {
+        GpuError::Unusable {
+            adapter: self.name(),
+            reason: error.to_string(),
+        }
     }
 }

@@ -99,15 +99,18 @@ pub(crate) fn heights_content(scene: &LoadedScene, tile: Tile) -> u64 {
     [ellipsoid.semi_major_m, ellipsoid.semi_minor_m]
         .map(f64::to_bits)
         .hash(&mut hasher);
-    for set in scene.sets_in(tile, true) {
-        scene.sets[set].heights_content.hash(&mut hasher);
-        if let Some(lens) = set.checked_sub(1).and_then(|lens| scene.lenses.get(lens)) {
+    let sets = scene.sets_in(tile, true);
+    for set in &sets {
+        scene.sets[*set].heights_content.hash(&mut hasher);
+        // Where one set holds throughout, it does not matter where its lens ends.
+        let lens = set.checked_sub(1).and_then(|lens| scene.lenses.get(lens));
+        if let Some(lens) = lens.filter(|_| sets.len() > 1) {
             lens.content.hash(&mut hasher);
         }
     }
     // Which layers the samples belong to.
     for layer in &scene.elevation_layers {
-        scene.source(*layer).map(Source::version).hash(&mut hasher);
+        (layer, scene.source(*layer).map(Source::version)).hash(&mut hasher);
     }
     hasher.finish()
 }

@@ -44,7 +44,7 @@ pub use layer::{
     Aspect, Blend, Elevation, Fusion, Hillshade, Imagery, Isolines, LayerData, LayerParameters,
     LensData, Process, Ramp, RampStop, Sar, SarMapping, Slope,
 };
-pub use renderer::{FrameStatistics, RenderBudget, Renderer, ViewPoint};
+pub use renderer::{AheadStatistics, FrameStatistics, RenderBudget, Renderer, ViewPoint};
 pub use scene::{Air, Light, SceneData, sun_over};
 pub use target::Picture;
 pub use tiles::{CacheConfig, TileCache};

@@ -6,6 +6,7 @@
 use std::cell::RefCell;
 use std::collections::HashMap;
 use std::hash::{DefaultHasher, Hash as _, Hasher as _};
+use std::rc::Rc;
 use std::sync::Arc;
 
 use geodesy::{Circle, Relation, Tile};
@@ -17,8 +18,10 @@ use crate::process::{Ground, MOST_INPUTS, Plan};
 use crate::scene::SceneData;
 use crate::source::Source;
 
-/// Answers that a scene remembers before it begins anew.
-const MOST_MEMORIES: usize = 16_384;
+/// Answers of each sort that a scene remembers before it begins anew: more than a selection has tiles.
+const MOST_MEMORIES: usize = 65_536;
+/// Plans that it remembers: those of several views with all ancestors.
+const MOST_PLANS: usize = 8_192;
 
 /// A layer under a parameter set, where it shows anything.
 #[derive(Clone, Debug)]
@@ -51,7 +54,6 @@ pub(crate) struct LoadedLens {
 /// Answers that only depend on the scene, remembered because every frame asks for them.
 #[derive(Debug, Default)]
 pub(crate) struct Memory {
-    relations: HashMap<Tile, Arc<[Relation]>>,
     pub(crate) ranges_m: HashMap<Tile, (f64, f64)>,
     plans: HashMap<(Tile, bool), Arc<Plan>>,
 }
@@ -74,6 +76,8 @@ pub(crate) struct LoadedScene {
     pub(crate) sharp: bool,
     /// Some set makes colours of heights.
     pub(crate) colours_from_heights: bool,
+    /// How tiles lie to each lens. Shared with other scenes of the same lenses.
+    relations: Rc<RefCell<HashMap<Tile, Arc<[Relation]>>>>,
     pub(crate) memory: RefCell<Memory>,
 }
 
@@ -143,6 +147,14 @@ impl LoadedScene {
             sets.push(set);
         }
         check(&data, &sources, &sets)?;
+        let places = |lenses: &[LoadedLens]| -> Vec<u64> {
+            lenses.iter().map(|lens| lens.content).collect()
+        };
+        let relations = known
+            .iter()
+            .filter(|scene| scene.data.ellipsoid == data.ellipsoid)
+            .find(|scene| places(&scene.lenses) == places(&lenses))
+            .map_or_else(Rc::default, |scene| Rc::clone(&scene.relations));
         let layers_of = |heights: bool| {
             let mut layers: Vec<usize> = sets
                 .iter()
@@ -167,6 +179,7 @@ impl LoadedScene {
             sources,
             sets,
             lenses,
+            relations,
             memory: RefCell::default(),
         })
     }
@@ -178,7 +191,8 @@ impl LoadedScene {
 
     /// How a tile lies to each lens.
     pub(crate) fn relations(&self, tile: Tile) -> Arc<[Relation]> {
-        if let Some(known) = self.memory.borrow().relations.get(&tile) {
+        let relations = &self.relations;
+        if let Some(known) = relations.borrow().get(&tile) {
             return Arc::clone(known);
         }
         let found: Arc<[Relation]> = self
@@ -186,9 +200,11 @@ impl LoadedScene {
             .iter()
             .map(|lens| lens.circle.relation(tile))
             .collect();
-        let mut memory = self.memory.borrow_mut();
-        memory.make_room();
-        memory.relations.insert(tile, Arc::clone(&found));
+        let mut relations = relations.borrow_mut();
+        if relations.len() >= MOST_MEMORIES {
+            relations.clear();
+        }
+        relations.insert(tile, Arc::clone(&found));
         found
     }
 
@@ -217,12 +233,11 @@ impl LoadedScene {
         sets
     }
 
-    /// The tile on whose lattice a leaf's fused heights are made: of the finest data there, but the leaf itself
-    /// where the rim of a lens must be as sharp as the screen. `None` where there are none.
+    /// The tile on whose lattice a leaf's fused heights are made: of the finest data there, or finer, down to the leaf
+    /// itself, as long as the rim of a lens cuts it, which must be as sharp as the screen. `None` where there are none.
     pub(crate) fn heights_tile(&self, leaf: Tile) -> Option<Tile> {
         let level = self.finest(&self.elevation_layers, leaf)?;
-        let rim = self.sets_in(leaf, true).len() > 1;
-        Some(if rim { leaf } else { leaf.ancestor(level) })
+        Some(self.uncut(leaf, level, true))
     }
 
     /// The same for fused colours; lines of equal height are sharp everywhere.
@@ -234,8 +249,19 @@ impl LoadedScene {
         };
         let finest = self.finest(&self.colour_layers, leaf);
         let level = finest.max(heights.map(Tile::level))?;
-        let sharp = (self.sharp && heights.is_some()) || self.sets_in(leaf, false).len() > 1;
-        Some(if sharp { leaf } else { leaf.ancestor(level) })
+        if self.sharp && heights.is_some() {
+            return Some(leaf);
+        }
+        Some(self.uncut(leaf, level, false))
+    }
+
+    /// The coarsest tile between a level and a leaf in which one parameter set holds throughout, else the leaf.
+    fn uncut(&self, leaf: Tile, level: u8, heights: bool) -> Tile {
+        let cut = |tile: Tile| self.sets_in(tile, heights).len() > 1;
+        (level..leaf.level())
+            .map(|level| leaf.ancestor(level))
+            .find(|tile| !cut(*tile))
+            .unwrap_or(leaf)
     }
 
     fn finest(&self, layers: &[usize], leaf: Tile) -> Option<u8> {
@@ -258,9 +284,11 @@ impl LoadedScene {
             return Arc::clone(known);
         }
         let plan = Arc::new(self.plan_with(tile, heights, &self.best_sources(tile)));
-        let mut memory = self.memory.borrow_mut();
-        memory.make_room();
-        memory.plans.insert(key, Arc::clone(&plan));
+        let plans = &mut self.memory.borrow_mut().plans;
+        if plans.len() >= MOST_PLANS {
+            plans.clear();
+        }
+        plans.insert(key, Arc::clone(&plan));
         plan
     }
 
@@ -275,15 +303,11 @@ impl LoadedScene {
 }
 
 impl Memory {
-    fn make_room(&mut self) {
-        if self.relations.len() + self.ranges_m.len() + self.plans.len() > MOST_MEMORIES {
-            *self = Self::default();
-        }
-    }
-
     /// Remembers a range of heights.
     pub(crate) fn keep_range(&mut self, tile: Tile, range_m: (f64, f64)) {
-        self.make_room();
+        if self.ranges_m.len() >= MOST_MEMORIES {
+            self.ranges_m.clear();
+        }
         self.ranges_m.insert(tile, range_m);
     }
 }

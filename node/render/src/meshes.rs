@@ -124,6 +124,11 @@ impl Meshes {
         self.capacity as usize
     }
 
+    /// True where the mesh is there in this form. Does not count as use.
+    pub(crate) fn holds(&self, request: &MeshRequest<'_, '_>) -> bool {
+        self.slots.contains_key(&request.key())
+    }
+
     /// The mesh of a tile, built and uploaded where it is not there in this form. The flag tells whether
     /// it was. `None` when every slot is in use in this frame, or data that the seams name is not in
     /// memory any more; the next frame asks for it again.

@@ -22,7 +22,7 @@ use crate::loaded::LoadedScene;
 
 use plan::Packing;
 pub(crate) use plan::{Plan, Work};
-pub(crate) use slots::{SLOT_SIDE, Slots};
+pub(crate) use slots::{SLOT_SIDE, Slot, Slots};
 pub(crate) use stages::{Dispatch, MOST_INPUTS, Stages};
 pub(crate) use uniforms::{Ground, elevation_uniform, fuse};
 pub(crate) use words::shown_channels;
@@ -42,6 +42,17 @@ pub(crate) enum Finish<'a> {
         arrays: &'a wgpu::TextureView,
         layer: u32,
     },
+}
+
+/// What became of a run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Made {
+    /// The result is finished.
+    Whole,
+    /// No more steps were allowed. What is made is kept, and the next run goes on from there.
+    Part,
+    /// Raw samples have left memory meanwhile.
+    Nothing,
 }
 
 /// The processing of one device.
@@ -88,7 +99,12 @@ impl Processor {
             .collect()
     }
 
-    /// Makes what a plan leads to and finishes it. False where raw samples have left memory meanwhile.
+    /// Makes what a plan leads to and finishes it, in no more steps than are left where these are counted. Does not
+    /// wait for the device.
+    #[expect(
+        clippy::too_many_arguments,
+        reason = "all of it is borrowed from different owners"
+    )]
     pub(crate) fn run(
         &mut self,
         gpu: &Gpu,
@@ -97,9 +113,10 @@ impl Processor {
         plan: &Plan,
         finish: &Finish<'_>,
         frame: u64,
-    ) -> Result<bool, RenderError> {
+        mut steps_left: Option<&mut u32>,
+    ) -> Result<Made, RenderError> {
         let Some(root) = plan.key() else {
-            return Ok(true);
+            return Ok(Made::Whole);
         };
         let missing = self.missing(plan);
         // What is read must not be taken for what is written.
@@ -115,10 +132,10 @@ impl Processor {
                     packing,
                 } => {
                     let Some(data) = scene.source(*layer) else {
-                        return Ok(false);
+                        return Ok(Made::Nothing);
                     };
                     let Lookup::Ready(tile) = cache.get(data.id, *source) else {
-                        return Ok(false);
+                        return Ok(Made::Nothing);
                     };
                     let words = match packing {
                         Packing::Heights => words::heights(&tile, data.data.dataset.unit()),
@@ -145,7 +162,7 @@ impl Processor {
                         .collect();
                     let (Some(inputs), Some(result)) = (views, self.slots.peek(node.key)) else {
                         self.slots.forget(node.key);
-                        return Ok(false);
+                        return Ok(Made::Nothing);
                     };
                     let dispatch = Dispatch {
                         stage: *stage,
@@ -157,9 +174,16 @@ impl Processor {
                     self.stages.run(gpu, &dispatch)?;
                 }
             }
+            if let Some(left) = &mut steps_left {
+                **left = left.saturating_sub(1);
+                if **left == 0 {
+                    self.stages.submit(gpu);
+                    return Ok(Made::Part);
+                }
+            }
         }
         let Some(slot) = self.slots.get(root, frame) else {
-            return Ok(false);
+            return Ok(Made::Nothing);
         };
         let (stage, uniform, arrays) = match finish {
             Finish::Relief { arrays, layer } => {
@@ -189,7 +213,10 @@ impl Processor {
         };
         self.stages.run(gpu, &dispatch)?;
         self.stages.submit(gpu);
-        Ok(true)
+        if let Some(left) = steps_left {
+            *left = left.saturating_sub(1);
+        }
+        Ok(Made::Whole)
     }
 
     fn upload(&mut self, gpu: &Gpu, key: slots::ResultKey, words: &[u32], frame: u64) {

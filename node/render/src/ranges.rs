@@ -7,10 +7,15 @@ use terrain::{HeightRanges, Relief};
 
 use crate::layer::{Blend, Elevation, Process};
 use crate::loaded::{Active, LoadedScene, ParameterSet};
+use crate::source::Source;
 
 /// How deep a planet without elevation is divided for its curvature alone: at this level, with the base
 /// patches on top, a chord is less than a metre off the ellipsoid.
 const BARE_LEVEL: u8 = 6;
+
+/// How much finer than the data rims and lines are drawn: at most to the hundredth of a sample. Beyond that, 32-bit
+/// heights have no slope left from node to node.
+const SHARP_LEVELS: u8 = 7;
 
 /// The ranges of a scene.
 pub(crate) struct Ranges<'a>(pub(crate) &'a LoadedScene);
@@ -34,7 +39,7 @@ impl HeightRanges for Ranges<'_> {
         let mut finest: Option<(Tile, (f64, f64))> = None;
         for set in self.0.sets_in(tile, true) {
             for active in &self.0.sets[set].heights {
-                let Some((best, range)) = self.processed_range(active, tile, false) else {
+                let Some((best, range)) = self.best_range(active, tile) else {
                     continue;
                 };
                 // The finest data decides; of equals the one that lies above.
@@ -62,7 +67,21 @@ impl HeightRanges for Ranges<'_> {
             .max()
             .unwrap_or(BARE_LEVEL);
         let visible = scene.elevation_layers.iter().chain(&scene.colour_layers);
-        tile.level() < meshed + reach
+        let finest = scene
+            .elevation_layers
+            .iter()
+            .chain(&scene.colour_layers)
+            .filter_map(|layer| scene.source(*layer)?.best(tile))
+            .map(Tile::level)
+            .max();
+        // The rim of a lens and lines of equal height are sharp beyond the data.
+        let sharp = finest.is_some_and(|finest| {
+            let lines = scene.sharp && !scene.elevation_layers.is_empty();
+            let rim = |heights| scene.sets_in(tile, heights).len() > 1;
+            tile.level() < finest + SHARP_LEVELS && (lines || rim(true) || rim(false))
+        });
+        sharp
+            || tile.level() < meshed + reach
             || visible
                 .filter_map(|layer| scene.source(*layer))
                 .any(|source| source.is_finer_below(tile))
@@ -72,77 +91,75 @@ impl HeightRanges for Ranges<'_> {
 impl Ranges<'_> {
     /// The lowest height drawn anywhere.
     pub(crate) fn floor_m(&self) -> f64 {
-        Tile::ROOTS
-            .iter()
-            .map(|root| self.range_m(*root).0)
-            .fold(0.0, f64::min)
+        let of_set = |set: &ParameterSet| {
+            let whole = |active: &Active| {
+                let source = self.0.source(active.layer)?;
+                processed(active, source, source.bounds)
+            };
+            fused_range(set, &whole).0
+        };
+        self.0.sets.iter().map(of_set).fold(0.0, f64::min)
     }
 
     fn find_range_m(&self, tile: Tile) -> (f64, f64) {
         // Ground without data lies on the ellipsoid.
         let mut range = (0.0, 0.0);
+        let shown = |active: &Active| {
+            let source = self.0.source(active.layer)?;
+            processed(active, source, source.bounds_in(tile)?)
+        };
         for set in self.0.sets_in(tile, true) {
-            range = around(range, self.fused_range(&self.0.sets[set], tile));
+            range = around(range, fused_range(&self.0.sets[set], &shown));
         }
         range
     }
 
-    /// Bounds of what fusion can make of the layers' bounds, wherever some of them may have holes.
-    fn fused_range(&self, set: &ParameterSet, tile: Tile) -> (f64, f64) {
-        let mut below = (0.0, 0.0);
-        for group in set.heights.chunk_by(|a, b| {
-            (a.fusion.priority, a.fusion.blend) == (b.fusion.priority, b.fusion.blend)
-        }) {
-            // A weighted mean lies within the bounds of its parts.
-            let parts = group
-                .iter()
-                .filter_map(|active| Some(self.processed_range(active, tile, true)?.1));
-            let Some(own) = parts.reduce(around) else {
-                continue;
-            };
-            let (low, high) = own;
-            let blended = match group.first().map(|active| active.fusion.blend) {
-                Some(Blend::Add) => (below.0 + low, below.1 + high),
-                Some(Blend::Multiply) => {
-                    let products = [below.0 * low, below.0 * high, below.1 * low, below.1 * high];
-                    products.into_iter().fold((0.0, 0.0), |range, product| {
-                        around(range, (product, product))
-                    })
-                }
-                _ => own,
-            };
-            // What is below may show through, and over holes of it the layer stands alone.
-            below = around(around(below, own), blended);
-        }
-        below
-    }
-
-    /// The tile whose data a layer shows in `tile`, and the bounds of what becomes of it. `wide` takes in what a
-    /// coarser, smoothed level mixes in from the surroundings.
-    fn processed_range(
-        &self,
-        active: &Active,
-        tile: Tile,
-        wide: bool,
-    ) -> Option<(Tile, (f64, f64))> {
-        let Process::Elevation(elevation) = &active.process else {
-            return None;
-        };
+    /// The tile whose data a layer shows in `tile` at best, and the bounds of what becomes of it.
+    fn best_range(&self, active: &Active, tile: Tile) -> Option<(Tile, (f64, f64))> {
         let source = self.0.source(active.layer)?;
         let best = source.best(tile)?;
-        let measured = if wide {
-            best.parent().unwrap_or(best)
-        } else {
-            best
-        };
-        let (lowest, highest) = source.data.index.range(measured)?;
-        let unit = source.data.dataset.unit();
-        let processed = (
-            height_m(elevation, lowest * unit),
-            height_m(elevation, highest * unit),
-        );
-        Some((best, processed))
+        let range = source.data.index.range(best)?;
+        Some((best, processed(active, source, range)?))
     }
+}
+
+/// Bounds of what fusion can make of the layers' bounds, wherever some of them may have holes.
+fn fused_range(set: &ParameterSet, range_of: &dyn Fn(&Active) -> Option<(f64, f64)>) -> (f64, f64) {
+    let mut below = (0.0, 0.0);
+    let order = |active: &Active| (active.fusion.priority, active.fusion.blend);
+    for group in set.heights.chunk_by(|a, b| order(a) == order(b)) {
+        // A weighted mean lies within the bounds of its parts.
+        let Some(own) = group.iter().filter_map(range_of).reduce(around) else {
+            continue;
+        };
+        let (low, high) = own;
+        let blended = match group.first().map(|active| active.fusion.blend) {
+            Some(Blend::Add) => (below.0 + low, below.1 + high),
+            Some(Blend::Multiply) => {
+                let products = [below.0 * low, below.0 * high, below.1 * low, below.1 * high];
+                let point = |product| (product, product);
+                products
+                    .into_iter()
+                    .fold((0.0, 0.0), |range, product| around(range, point(product)))
+            }
+            _ => own,
+        };
+        // What is below may show through, and over holes of it the layer stands alone.
+        below = around(around(below, own), blended);
+    }
+    below
+}
+
+/// Bounds in quanta to bounds of processed heights in metres.
+fn processed(active: &Active, source: &Source, quanta: (f64, f64)) -> Option<(f64, f64)> {
+    let Process::Elevation(elevation) = &active.process else {
+        return None;
+    };
+    let unit = source.data.dataset.unit();
+    Some((
+        height_m(elevation, quanta.0 * unit),
+        height_m(elevation, quanta.1 * unit),
+    ))
 }
 
 /// A height after processing. Rises with the raw height, so bounds stay bounds.

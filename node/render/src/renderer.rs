@@ -29,6 +29,13 @@ use crate::uniform::frame_uniform;
 
 /// The longest that processing for the shown scene may hold up one frame.
 const LONGEST_PROCESSING: Duration = Duration::from_millis(50);
+/// The same before a first picture was complete, when nobody waits for this node yet.
+const LONGEST_FIRST_PROCESSING: Duration = Duration::from_millis(250);
+
+/// What a stage takes of a tile where the processor computes it, roughly.
+const STEP: Duration = Duration::from_millis(2);
+/// Stages that are begun in a frame there, at least.
+const LEAST_STEPS: u32 = 2;
 
 /// Limits of memory and time.
 #[derive(Clone, Copy, Debug)]
@@ -78,6 +85,15 @@ pub struct FrameStatistics {
     pub achieved_tile_px: f64,
 }
 
+/// What one call of [`Renderer::prepare_ahead`] did.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct AheadStatistics {
+    /// The scene in preparation, once everything that the last view needs of it is there.
+    pub prepared: Option<u64>,
+    /// Results made.
+    pub processed_tiles: u32,
+}
+
 /// Draws one scene for the outputs of one node.
 pub struct Renderer {
     gpu: Arc<Gpu>,
@@ -92,10 +108,14 @@ pub struct Renderer {
     scene: Option<LoadedScene>,
     /// The scene in preparation.
     next: Option<LoadedScene>,
+    /// What it waits for.
+    next_wants: Vec<Wish>,
     /// Another scene is shown since the last picture.
     switched: bool,
     /// How long the last picture took the GPU.
     draw_time: Duration,
+    /// Some picture was complete.
+    complete: bool,
     frame: u64,
     /// The light has changed since the last picture.
     relit: bool,
@@ -119,6 +139,9 @@ struct LastFrame {
     draws: Vec<BlockDraws>,
     records: Vec<TileRecord>,
     arrivals: u64,
+    wants: Vec<Wish>,
+    /// Tiles on their way.
+    pending: HashSet<(DatasetId, Tile)>,
     statistics: FrameStatistics,
 }
 
@@ -168,8 +191,10 @@ impl Renderer {
             meshes: Vec::new(),
             scene: None,
             next: None,
+            next_wants: Vec::new(),
             switched: false,
             draw_time: Duration::ZERO,
+            complete: false,
             frame: 0,
             relit: false,
             used: HashSet::new(),
@@ -194,6 +219,7 @@ impl Renderer {
             self.switched = true;
         } else {
             self.next = Some(loaded);
+            self.next_wants.clear();
         }
         let scenes = [&self.scene, &self.next];
         self.meshes.retain(|(refinement, _)| {
@@ -218,6 +244,7 @@ impl Renderer {
         }
         let before = std::mem::replace(&mut self.scene, self.next.take());
         self.switched = true;
+        self.next_wants.clear();
         // Everything else that a picture is made of is compared with the last one's.
         if let (Some(before), Some(scene)) = (before, &self.scene) {
             let (old, new) = (&before.data, &scene.data);
@@ -245,9 +272,23 @@ impl Renderer {
         std::mem::replace(&mut self.new_tiles, rest)
     }
 
-    /// Draws the view of a scene into every output and waits for the GPU. Draws nothing where nothing changed. Then
-    /// goes on preparing the next scene, within the time that a frame has for processing.
+    /// Draws the view of a scene as [`Renderer::draw_shown`] does, then goes on preparing the next scene in what is
+    /// left of the time that a frame has for it.
     pub fn draw(
+        &mut self,
+        view: &ViewPoint,
+        revision: u64,
+    ) -> Result<FrameStatistics, RenderError> {
+        let until = Instant::now() + self.budget.upload;
+        let mut statistics = self.draw_shown(view, revision)?;
+        let ahead = self.prepare_ahead(until)?;
+        statistics.prepared = ahead.prepared;
+        statistics.processed_tiles += ahead.processed_tiles;
+        Ok(statistics)
+    }
+
+    /// Draws the view of a scene into every output and waits for the GPU. Draws nothing where nothing changed.
+    pub fn draw_shown(
         &mut self,
         view: &ViewPoint,
         revision: u64,
@@ -289,8 +330,13 @@ impl Renderer {
         let begin = Instant::now();
         let upload_until = begin + self.budget.upload;
         let blocks = plan_blocks(&self.outputs, view);
-        let lacking_until = upload_until.max(begin + self.draw_time);
-        let mut gathered = self.gather(scene, view, &blocks, lacking_until)?;
+        let lacking = if self.complete {
+            self.draw_time.min(LONGEST_PROCESSING)
+        } else {
+            LONGEST_FIRST_PROCESSING
+        };
+        let lacking_until = upload_until.max(begin + lacking);
+        let mut gathered = self.gather(scene, view, &blocks, lacking_until, false)?;
         let (relit, switched) = (
             std::mem::take(&mut self.relit),
             std::mem::take(&mut self.switched),
@@ -313,33 +359,68 @@ impl Renderer {
             let filled = filled_blocks(scene, view, &blocks);
             let begin = Instant::now();
             self.render(&blocks, &gathered.draws, &filled, scene.data.refinement)?;
-            self.draw_time = begin.elapsed().min(LONGEST_PROCESSING);
+            self.draw_time = begin.elapsed();
         }
         gathered.statistics.redrawn = !unchanged;
+        self.complete |= gathered.statistics.converged;
         if switched {
             tracing::debug!(revision = scene.revision, "a scene is shown");
         }
-        if let Some(next) = self.next.take() {
-            let ahead = self.gather(&next, view, &blocks, upload_until);
-            let revision = next.revision;
-            self.next = Some(next);
-            let ahead = ahead?;
-            gathered.wants.extend(ahead.wants);
-            // What the shown scene waits for as well does not keep the next one back: a viewer in flight always
-            // waits for something.
-            let prepared = !ahead.behind && ahead.pending.is_subset(&gathered.pending);
-            gathered.statistics.prepared = prepared.then_some(revision);
-            gathered.statistics.processed_tiles += ahead.statistics.processed_tiles;
-        }
-        self.cache.request(&gathered.wants);
         self.last = Some(LastFrame {
             view: view.clone(),
             draws: gathered.draws,
             records: gathered.records,
             arrivals,
+            wants: gathered.wants,
+            pending: gathered.pending,
             statistics: gathered.statistics,
         });
+        self.request();
         Ok(gathered.statistics)
+    }
+
+    /// Goes on preparing the next scene for the view drawn last, once after each call of [`Renderer::draw_shown`]: until
+    /// this moment, but no longer than the budget allows or, where that is more, a quarter of the time that the last
+    /// picture took. It does at least one step, or a slow machine would never finish.
+    pub fn prepare_ahead(&mut self, until: Instant) -> Result<AheadStatistics, RenderError> {
+        let Some(view) = self.last.as_ref().map(|last| last.view.clone()) else {
+            return Ok(AheadStatistics::default());
+        };
+        let Some(next) = self.next.take() else {
+            return Ok(AheadStatistics::default());
+        };
+        // A driver that computes on the processor takes milliseconds for one stage, and much more where others want
+        // the processor too. So a few are begun in each frame and nobody waits for them.
+        if self.gpu.is_software() && !self.gpu.is_idle()? {
+            self.next = Some(next);
+            return Ok(AheadStatistics::default());
+        }
+        let until = until.min(Instant::now() + self.budget.upload.max(self.draw_time / 4));
+        let blocks = plan_blocks(&self.outputs, &view);
+        let ahead = self.gather(&next, &view, &blocks, until, true);
+        let revision = next.revision;
+        self.next = Some(next);
+        let ahead = ahead?;
+        self.next_wants = ahead.wants;
+        self.request();
+        // What the shown scene waits for as well does not keep the next one back: a viewer in flight always
+        // waits for something.
+        let prepared = !ahead.behind
+            && self
+                .last
+                .as_ref()
+                .is_some_and(|last| ahead.pending.is_subset(&last.pending));
+        Ok(AheadStatistics {
+            prepared: prepared.then_some(revision),
+            processed_tiles: ahead.statistics.processed_tiles,
+        })
+    }
+
+    /// Asks for all that is missing.
+    fn request(&self) {
+        let shown = self.last.as_ref().map(|last| last.wants.as_slice());
+        let wants = [shown.unwrap_or_default(), &self.next_wants].concat();
+        self.cache.request(&wants);
     }
 
     /// What a view needs of a scene: what is there, and as much more as can be made until then.
@@ -349,6 +430,7 @@ impl Renderer {
         view: &ViewPoint,
         blocks: &[PlannedBlock],
         upload_until: Instant,
+        ahead: bool,
     ) -> Result<Gathered, RenderError> {
         let refinement = scene.data.refinement;
         let of_scene = |(known, _): &&mut (u8, Meshes)| *known == refinement;
@@ -365,8 +447,14 @@ impl Renderer {
             meshes,
             scene,
             shares: self.next.is_some() || self.last.is_some(),
+            ahead,
             frame: self.frame,
             upload_until,
+            steps_left: (ahead && self.gpu.is_software()).then(|| {
+                let steps = self.budget.upload.as_secs_f64() / STEP.as_secs_f64();
+                (steps.round() as u32).max(LEAST_STEPS)
+            }),
+            worked: false,
             wants: Vec::new(),
             pending: HashSet::new(),
             behind: false,

@@ -13,7 +13,7 @@ use tiles::Lookup;
 
 use crate::error::RenderError;
 use crate::gather::{Gather, priority};
-use crate::process::{Finish, Plan, Work};
+use crate::process::{Finish, Made, Plan, Work};
 
 /// Jobs after which a fast device is waited for, so that the budget counts its time too.
 const JOBS_AT_ONCE: u32 = 8;
@@ -221,9 +221,16 @@ impl Gather<'_> {
                 }
             };
             let made = self.processor.run(
-                self.gpu, self.scene, self.cache, &job.plan, &finish, self.frame,
+                self.gpu,
+                self.scene,
+                self.cache,
+                &job.plan,
+                &finish,
+                self.frame,
+                self.steps_left.as_mut(),
             )?;
-            if !made {
+            self.worked = true;
+            if made != Made::Whole {
                 let pool = if job.heights {
                     &mut self.textures.relief
                 } else {
@@ -233,10 +240,16 @@ impl Gather<'_> {
                 self.behind = true;
                 continue;
             }
+            tracing::trace!(
+                tile = %job.tile,
+                heights = job.heights,
+                steps = job.plan.nodes.len(),
+                "a result was made"
+            );
             self.note_used(&job.plan);
             self.statistics.processed_tiles += 1;
             unwaited += 1;
-            if software || unwaited == JOBS_AT_ONCE {
+            if self.steps_left.is_none() && (software || unwaited == JOBS_AT_ONCE) {
                 self.gpu.wait()?;
                 unwaited = 0;
             }

@@ -25,6 +25,8 @@ pub(crate) struct Source {
     pub(crate) data: Arc<OpenDataset>,
     /// Samples that are shown as 0 and 1 where nobody asks for others.
     pub(crate) range: [f64; 2],
+    /// Lowest and highest sample of any tile.
+    pub(crate) bounds: (f64, f64),
 }
 
 /// A tile's data as the mesh reads it.
@@ -79,6 +81,7 @@ impl Source {
         // The last 16 of the id's 32 hexadecimal digits.
         let digits = id.to_string().split_off(16);
         let seed = u64::from_str_radix(&digits, 16).unwrap_or_default();
+        let bounds = bounds(&data, |_| true).unwrap_or_default();
         let range = match kind {
             Kind::Elevation => [0.0, 1.0],
             Kind::Imagery if data.dataset.sample_type == SampleType::U8 => [0.0, 255.0],
@@ -91,6 +94,7 @@ impl Source {
             seed,
             data,
             range,
+            bounds,
         })
     }
 
@@ -135,6 +139,16 @@ impl Source {
                 .is_some_and(|children| children.iter().any(|child| index.contains(*child)))
     }
 
+    /// Bounds of the samples that may be shown within a tile: of its own data, and of any coarser level that may stand
+    /// in for it. Each level is smoothed, and has bounds of its own.
+    pub(crate) fn bounds_in(&self, tile: Tile) -> Option<(f64, f64)> {
+        let index = &self.data.index;
+        let levels = self.best(tile)?.lineage();
+        levels
+            .filter_map(|level| index.range(level))
+            .reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)))
+    }
+
     /// The data that a leaf can show now: the finest of its lineage that is in memory. Never blocks.
     pub(crate) fn resident(&self, cache: &TileCache, leaf: Tile) -> Option<Arc<TileData>> {
         self.best(leaf)?
@@ -146,15 +160,24 @@ impl Source {
     }
 }
 
-/// The range of all samples of a data set.
+/// The range of all samples of the finest level. Coarser levels are smoothed, and the coarsest may not hold a
+/// single node of a small data set.
 fn whole_range(data: &OpenDataset) -> [f64; 2] {
-    let ranges = Tile::ROOTS
-        .iter()
-        .filter_map(|root| data.index.range(*root));
-    let [low, high] = ranges.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], range| {
-        [low.min(range.0), high.max(range.1)]
-    });
-    if low < high { [low, high] } else { [0.0, 1.0] }
+    let deepest = data.index.deepest_level();
+    match bounds(data, |tile| tile.level() == deepest) {
+        Some((low, high)) if low < high => [low, high],
+        _ => [0.0, 1.0],
+    }
+}
+
+/// Lowest and highest sample of some tiles. A tile without any valid node of its own says 0 and 0, which is left
+/// out.
+fn bounds(data: &OpenDataset, counts: impl Fn(Tile) -> bool) -> Option<(f64, f64)> {
+    let tiles = data.index.tiles().into_iter().filter(|tile| counts(*tile));
+    tiles
+        .filter_map(|tile| data.index.range(tile))
+        .filter(|range| *range != (0.0, 0.0))
+        .reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)))
 }
 
 /// 0 to mean + 3 deviations of the finest data (Lambers, eq. 2.3), over a few tiles spread over the data set.

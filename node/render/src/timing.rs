@@ -15,12 +15,14 @@ use crate::layer::{
     SarMapping, Slope,
 };
 use crate::layers::{LAYER_SIDE, LayerArrays};
-use crate::process::{Dispatch, Ground, MOST_INPUTS, SLOT_SIDE, Slots, Stages, fuse, uniforms};
+use crate::process::{
+    Dispatch, Ground, MOST_INPUTS, SLOT_SIDE, Slot, Slots, Stages, fuse, uniforms,
+};
 
 /// How long each stage is run.
 const MEASURED: Duration = Duration::from_millis(300);
-/// Tiles of one submission.
-const AT_ONCE: u32 = 8;
+/// Tiles of one submission, each with slots of its own: together more than a processor's caches hold.
+const AT_ONCE: usize = 24;
 
 /// The speed of one stage.
 #[derive(Clone, Debug, PartialEq)]
@@ -31,8 +33,8 @@ pub struct StageTiming {
     pub tiles_per_second: f64,
     /// Bytes read and written for one tile.
     pub bytes: u64,
-    /// Time until the stage was compiled for the device.
-    pub compile: Duration,
+    /// How long the first tile took: compilation for the device included.
+    pub first: Duration,
 }
 
 /// A tile's words, 275×275 each, as the stages take them.
@@ -94,84 +96,84 @@ impl SampleWords {
 
 /// Measures every compute stage, and last a copy of one slot to another.
 pub fn time_stages(gpu: &Gpu, words: &SampleWords) -> Result<Vec<StageTiming>, RenderError> {
-    let tile = Tile::ROOTS[0]
-        .children()
-        .map_or(Tile::ROOTS[0], |children| children[0]);
-    let mut slots = Slots::new(0);
+    // As deep as global data goes and local data begins.
+    let mut tile = Tile::ROOTS[0];
+    while let (true, Some(children)) = (tile.level() < 8, tile.children()) {
+        tile = children[usize::from(tile.level() % 4)];
+    }
+    let mut slots = Slots::new(u64::MAX);
     let mut stages = Stages::new(gpu);
-    let keys = [0, 1, 2, 3].map(|content| (tile, content));
-    for (key, words) in keys.iter().zip([
+    let forms = [
         &words.heights,
         &words.raw_colours,
         &words.colours,
         &words.colours,
-    ]) {
-        slots.lend(gpu, *key, 1);
-        if let Some(slot) = slots.peek(*key) {
-            slot.write(gpu, words);
+    ];
+    for (form, words) in forms.into_iter().enumerate() {
+        for index in 0..AT_ONCE {
+            slots.lend(gpu, (tile, (form * AT_ONCE + index) as u64), 1);
+            if let Some(slot) = slots.peek((tile, (form * AT_ONCE + index) as u64)) {
+                slot.write(gpu, words);
+            }
         }
     }
     let arrays = LayerArrays::new(gpu, 4);
-    let view = |index: usize| slots.peek(keys[index]).map(|slot| &slot.view);
-    let (Some(heights), Some(raw), Some(colours), Some(result)) =
-        (view(0), view(1), view(2), view(3))
-    else {
-        return Ok(Vec::new());
+    let of_form = |form: usize| -> Vec<&Slot> {
+        let keys = (form * AT_ONCE..(form + 1) * AT_ONCE).map(|content| (tile, content as u64));
+        keys.filter_map(|key| slots.peek(key)).collect()
     };
+    let [heights, raw, colours, results] = [0, 1, 2, 3].map(of_form);
     let slot_bytes = words.heights.len() as u64 * 4;
     let layer_bytes = u64::from(LAYER_SIDE) * u64::from(LAYER_SIDE) * 4;
     let mut timings = Vec::new();
     for stage in Stage::ALL.into_iter().filter(|stage| stage.is_compute()) {
         let uniform = uniform_of(stage, tile);
         let input = match stage {
-            Stage::Imagery => raw,
-            Stage::FuseColour | Stage::Surface | Stage::Lens => colours,
-            _ => heights,
+            Stage::Imagery => &raw,
+            Stage::FuseColour | Stage::Surface | Stage::Lens => &colours,
+            _ => &heights,
         };
-        let (result, side, written) = match stage {
-            Stage::Relief => (&arrays.relief_view, LAYER_SIDE, layer_bytes),
-            Stage::Surface => (&arrays.imagery_view, LAYER_SIDE, layer_bytes),
-            _ => (result, SLOT_SIDE, slot_bytes),
+        let (array, side, written) = match stage {
+            Stage::Relief => (Some(&arrays.relief_view), LAYER_SIDE, layer_bytes),
+            Stage::Surface => (Some(&arrays.imagery_view), LAYER_SIDE, layer_bytes),
+            _ => (None, SLOT_SIDE, slot_bytes),
         };
-        let read = match stage {
-            Stage::FuseElevation | Stage::FuseColour => MOST_INPUTS as u64,
-            Stage::Lens => 2,
-            _ => 1,
-        };
-        let dispatch = Dispatch {
-            stage,
-            uniform: &uniform,
-            result,
-            inputs: &[input],
-            side,
-        };
-        let begin = Instant::now();
-        stages.run(gpu, &dispatch)?;
-        stages.submit(gpu);
-        gpu.wait()?;
-        let compile = begin.elapsed();
-        let tiles_per_second = measure(|| {
-            for _ in 0..AT_ONCE {
-                stages.run(gpu, &dispatch)?;
+        let read = stage.inputs().max(1);
+        let mut run = |tiles: usize| {
+            for index in 0..tiles {
+                let inputs: Vec<&wgpu::TextureView> = (0..read)
+                    .map(|other| &input[(index + other) % input.len()].view)
+                    .collect();
+                stages.run(
+                    gpu,
+                    &Dispatch {
+                        stage,
+                        uniform: &uniform,
+                        result: array.unwrap_or(&results[index].view),
+                        inputs: &inputs,
+                        side,
+                    },
+                )?;
             }
             stages.submit(gpu);
             Ok(gpu.wait()?)
-        })?;
+        };
+        let begin = Instant::now();
+        run(1)?;
+        let first = begin.elapsed();
+        let tiles_per_second = measure(|| run(AT_ONCE))?;
         timings.push(StageTiming {
             name: stage.name().to_owned(),
             tiles_per_second,
-            bytes: read * slot_bytes + written,
-            compile,
+            bytes: read as u64 * slot_bytes + written,
+            first,
         });
     }
-    let (Some(from), Some(to)) = (slots.peek(keys[0]), slots.peek(keys[3])) else {
-        return Ok(timings);
-    };
     let tiles_per_second = measure(|| {
         let mut encoder = gpu
             .device
             .create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-        for _ in 0..AT_ONCE {
+        for (from, to) in heights.iter().zip(&results) {
             encoder.copy_texture_to_texture(
                 from.texture.as_image_copy(),
                 to.texture.as_image_copy(),
@@ -185,7 +187,7 @@ pub fn time_stages(gpu: &Gpu, words: &SampleWords) -> Result<Vec<StageTiming>, R
         name: "copy".to_owned(),
         tiles_per_second,
         bytes: 2 * slot_bytes,
-        compile: Duration::ZERO,
+        first: Duration::ZERO,
     });
     Ok(timings)
 }
@@ -199,7 +201,7 @@ fn measure(mut round: impl FnMut() -> Result<(), RenderError>) -> Result<f64, Re
         round()?;
         tiles += AT_ONCE;
     }
-    Ok(f64::from(tiles) / begin.elapsed().as_secs_f64())
+    Ok(tiles as f64 / begin.elapsed().as_secs_f64())
 }
 
 /// Parameters that leave nothing of a stage out.
@@ -278,7 +280,11 @@ fn uniform_of(stage: Stage, tile: Tile) -> Vec<u8> {
             return bytes_of(&fuse(&inputs)).to_vec();
         }
         Stage::Lens => {
-            let circle = geodesy::Circle::new(&Ellipsoid::EARTH, -40.0, -30.0, 1e6);
+            let half = geodesy::CELLS / 2;
+            let middle = geodesy::LatticePoint::of_tile(tile, half, half).normal();
+            let (latitude_deg, longitude_deg) = Ellipsoid::angles_deg(middle);
+            let circle =
+                geodesy::Circle::new(&Ellipsoid::EARTH, latitude_deg, longitude_deg, 12_000.0);
             return circle.map_or_else(
                 |_| Vec::new(),
                 |circle| bytes_of(&uniforms::lens(&circle, tile)).to_vec(),

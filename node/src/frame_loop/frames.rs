@@ -2,11 +2,16 @@
 //! In: views, swaps, the frame loop's state. Out: pictures, words for the master. When each of these is done
 //! is decided by the frame loop's `step`; nothing here waits for mail.
 
+use std::time::Duration;
+
 use protocol::follower::Step;
 use protocol::message::Swap;
+use protocol::pacing::Grid;
 use protocol::{ToMaster, View};
 
 use super::{FrameLoop, Next};
+use crate::NodeError;
+use crate::digests::ShownFrame;
 use crate::mail::{Arrived, Outgoing};
 use crate::picture::{Drawn, PictureError};
 use crate::presentation::Waiting;
@@ -99,6 +104,8 @@ impl FrameLoop {
     }
 
     pub(super) fn draw(&mut self, view: &View) {
+        // One step at least between two drawings, whether the last one was presented or not.
+        self.prepare_ahead(0);
         let Some(picture) = &mut self.picture else {
             return;
         };
@@ -118,13 +125,14 @@ impl FrameLoop {
         self.waiting = drawn.map(|drawn| Waiting {
             view_sent_us: view.sent_us,
             view_latency_us: self.arrivals.view_latency_us(view.frame),
+            scene_revision: view.scene_revision,
             draw_us: link::now_us() - start_us,
             drawn,
         });
-        let prepared =
-            drawn.and_then(|drawn| self.scenes.drawn(view.scene_revision, drawn.prepared));
-        if let Some(word) = prepared {
-            self.mail.send(Outgoing::Message(word), true);
+        self.ahead_due = drawn.map(|_| view.scene_revision);
+        if drawn.is_some() {
+            let nothing_yet = self.scenes.drawn(view.scene_revision, None);
+            debug_assert_eq!(nothing_yet, None, "a drawing prepares nothing");
         }
         let now_us = self.master_now_us();
         let steps = self.follower.drawn(view.epoch, view.frame, now_us);
@@ -135,6 +143,38 @@ impl FrameLoop {
                 .into_iter()
                 .filter(|step| !(failed && matches!(step, Step::SayReady { .. }))),
         );
+    }
+
+    /// Goes on with the next scene while the wall waits for its moment. The wall does not wait for this: the node
+    /// has said that it is ready, and stops well before the earliest moment at which it may have to present.
+    pub(super) fn prepare_ahead_before_presentation(&mut self) {
+        let fps = self.wall.as_ref().map_or(60.0, |(wall, _)| wall.fps);
+        let next_us = self
+            .presented_us
+            .saturating_add(Grid::new(0, fps).period_us());
+        let spare_us = next_us
+            .saturating_sub(LAST_SLEEP_US)
+            .saturating_sub(link::now_us());
+        if spare_us > 0 {
+            self.prepare_ahead(spare_us);
+        }
+    }
+
+    /// Goes on with the next scene for at most this long, if that has not been done since the last drawing.
+    fn prepare_ahead(&mut self, at_most_us: i64) {
+        let (Some(revision), Some(picture)) = (self.ahead_due.take(), &mut self.picture) else {
+            return;
+        };
+        self.priority.lower();
+        let at_most = Duration::from_micros(at_most_us.try_into().unwrap_or_default());
+        let prepared = match picture.prepare_ahead(at_most) {
+            Ok(prepared) => prepared,
+            Err(error @ PictureError::Unavailable(_)) => return self.fail(error.into()),
+            Err(error) => return self.fault(&error),
+        };
+        if let Some(word) = self.scenes.drawn(revision, prepared) {
+            self.mail.send(Outgoing::Message(word), true);
+        }
     }
 
     pub(super) fn say_ready(&self, epoch: u32, frame: u64) {
@@ -174,12 +214,20 @@ impl FrameLoop {
         let presented_us = link::now_us();
         self.priority.lower();
         self.presenting = None;
+        self.presented_us = presented_us;
         self.rest_until_us = presented_us + PRESENT_PAUSE_US;
+        let draw_us = self.waiting.as_ref().map_or(0, |waiting| waiting.draw_us);
         if let Some(Err(error)) = presented {
             self.fault(&error);
         } else if let Some(waiting) = self.waiting.take() {
             self.outcome.frames += 1;
             self.tell_presented(swap, &waiting, presented_us);
+            self.note_digests(swap.frame, &waiting);
+        }
+        if self.ahead_due.is_some() {
+            // There was no time before: a frame that takes long has some to give, and another one step.
+            link::sleep_until_us(self.rest_until_us);
+            self.prepare_ahead(draw_us / 4);
         }
         let now_us = self.master_now_us();
         let steps = self.follower.presented(now_us);
@@ -196,6 +244,29 @@ impl FrameLoop {
             .presented(swap, waiting, presented_us, error_us);
         self.mail
             .send(Outgoing::Message(ToMaster::Presented(presented)), false);
+    }
+
+    /// Writes down what stands on the outputs, if that is asked for.
+    fn note_digests(&mut self, frame: u64, waiting: &Waiting) {
+        let (Some(file), Some(picture)) = (&mut self.digests, &mut self.picture) else {
+            return;
+        };
+        // As before drawing: the other nodes of this host present in this moment.
+        link::sleep_until_us(self.rest_until_us);
+        let shown = ShownFrame {
+            frame,
+            scene_revision: waiting.scene_revision,
+            redrawn: waiting.drawn.redrawn,
+            converged: waiting.drawn.converged,
+        };
+        let noted = picture
+            .capture()
+            .map_err(NodeError::from)
+            .and_then(|outputs| Ok(file.append(shown, &outputs)?));
+        if let Err(error) = noted {
+            // A proof with a gap would be none.
+            self.fail(error);
+        }
     }
 
     fn remember_swap(&mut self, frame: u64, at_us: i64) {

@@ -59,15 +59,6 @@ fn pipeline(gpu: &Gpu, stage: Stage) -> Result<wgpu::ComputePipeline, RenderErro
         }))
 }
 
-/// Textures that a stage reads.
-fn inputs_of(stage: Stage) -> usize {
-    match stage {
-        Stage::FuseElevation | Stage::FuseColour => MOST_INPUTS,
-        Stage::Lens => 2,
-        _ => 1,
-    }
-}
-
 /// One dispatch.
 pub(crate) struct Dispatch<'a> {
     pub(crate) stage: Stage,
@@ -148,7 +139,7 @@ impl Stages {
             },
         ];
         let last = dispatch.inputs.last().copied();
-        let inputs = (0..inputs_of(dispatch.stage))
+        let inputs = (0..dispatch.stage.inputs())
             .filter_map(|index| dispatch.inputs.get(index).copied().or(last));
         for (binding, view) in (2..).zip(inputs) {
             entries.push(wgpu::BindGroupEntry {
