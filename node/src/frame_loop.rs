@@ -51,6 +51,8 @@ pub(crate) struct FrameLoop {
     wall: Option<(Arc<Wall>, usize)>,
     picture: Option<Box<dyn Picture>>,
     scenes: Scenes<Box<Scene>>,
+    /// A scene whose data is being opened.
+    opening: Option<(u64, Box<Scene>)>,
     /// A view that waits for its scene.
     early_view: Option<Arrived<View>>,
     follower: Follower,
@@ -84,6 +86,7 @@ impl FrameLoop {
             wall: None,
             picture: None,
             scenes: Scenes::new(),
+            opening: None,
             early_view: None,
             follower: Follower::new(60.0),
             steps: VecDeque::new(),
@@ -258,6 +261,7 @@ impl FrameLoop {
         self.early_view = None;
         // Revisions are numbers of one run of one master.
         self.scenes = Scenes::new();
+        self.opening = None;
         self.counters_due_us = i64::MAX;
         self.priority.lower();
     }

@@ -75,6 +75,10 @@ pub trait PictureMaker {
 
 /// All outputs of one host.
 pub trait Picture {
+    /// Begins to open what a scene needs and has not been opened, beside the frames, for [`Picture::prepare_scene`]
+    /// to find. Returns whether there is nothing left to be waited for; if not, it is to be asked again.
+    fn open_ahead(&mut self, scene: &Scene) -> bool;
+
     /// Takes a new scene. The first one is shown at once. A later one is prepared while views of the shown one
     /// are drawn, and takes the place of another in preparation; from its first view on it is the shown one.
     /// `revision` is its number in views until another scene of the same number comes: a new master counts

@@ -251,6 +251,11 @@ fn frame_error(error: &RenderError) -> PictureError {
 }
 
 impl Picture for WallPicture {
+    fn open_ahead(&mut self, scene: &Scene) -> bool {
+        self.renderer
+            .open_ahead(&scene_data(scene, self.camera_sun))
+    }
+
     fn prepare_scene(&mut self, revision: u64, scene: &Scene) -> Result<(), PictureError> {
         let sun = scene.light.sun;
         let direction = match sun {

@@ -57,6 +57,8 @@ pub(crate) struct Scenes<S> {
     begun: bool,
     /// The scene that the picture refused last, and why.
     refused: Option<(u64, String)>,
+    /// A scene that was handed out, and whose data is being opened.
+    opening: Option<u64>,
     /// The newest revision of which the master knows that this node does not show it.
     complained: Option<u64>,
 }
@@ -72,6 +74,7 @@ impl<S> Scenes<S> {
             current: None,
             begun: false,
             refused: None,
+            opening: None,
             complained: None,
         }
     }
@@ -105,7 +108,8 @@ impl<S> Scenes<S> {
         {
             return Verdict::Never(None);
         }
-        if self.queue.contains(revision) || self.newest.is_none_or(|newest| newest < revision) {
+        let comes = self.queue.contains(revision) || self.opening == Some(revision);
+        if comes || self.newest.is_none_or(|newest| newest < revision) {
             return Verdict::Wait;
         }
         Verdict::Never(self.complaint(revision))
@@ -133,8 +137,14 @@ impl<S> Scenes<S> {
         }
     }
 
+    /// The scene that was handed out waits for its data; views of it wait with it.
+    pub(crate) fn opens(&mut self, revision: u64) {
+        self.opening = Some(revision);
+    }
+
     /// The picture prepares this scene, or shows it if it is its first.
     pub(crate) fn taken(&mut self, revision: u64) {
+        self.opening = None;
         self.begun = true;
         self.preparing = Some(Preparation {
             revision,
@@ -144,6 +154,7 @@ impl<S> Scenes<S> {
 
     /// The picture cannot show this scene and goes on as it was. Returns what to tell the master.
     pub(crate) fn refused(&mut self, revision: u64, reason: &str) -> ToMaster {
+        self.opening = None;
         let first = !std::mem::replace(&mut self.begun, true);
         self.refused = Some((revision, reason.to_owned()));
         let is_shown = self

@@ -84,6 +84,10 @@ impl FakePicture {
 }
 
 impl Picture for FakePicture {
+    fn open_ahead(&mut self, _scene: &Scene) -> bool {
+        true
+    }
+
     fn prepare_scene(&mut self, revision: u64, scene: &Scene) -> Result<(), PictureError> {
         if self.drawing.broken_scene || (self.drawing.refuses_changes && self.shown.is_some()) {
             return Err(PictureError::Scene(

@@ -13,6 +13,9 @@ pub enum RenderError {
     /// A shader could not be put together: a defect of the program, not of its input.
     #[error("shader source: {0}")]
     Shader(#[from] shaders::ResolveError),
+    /// A stage that is not in the list of stages: a defect of the program.
+    #[error("stage {0} is not listed")]
+    Stage(&'static str),
     /// A layer's data cannot be opened.
     #[error("layer \"{layer}\": {reason}")]
     Layer {

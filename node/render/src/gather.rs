@@ -81,6 +81,8 @@ pub(crate) struct Gather<'a> {
     pub(crate) pending: HashSet<(DatasetId, Tile)>,
     /// Something could be made now and was not: time or room were over.
     pub(crate) behind: bool,
+    /// Some data could not be had; a later try may succeed.
+    pub(crate) lacks: bool,
     /// Results that stand for those whose best data cannot be had: tile, whether heights → result.
     pub(crate) broken: HashMap<(Tile, bool), (Tile, u64)>,
     /// Numbers of the tiles whose data was brought to the GPU or into a mesh.
@@ -103,6 +105,29 @@ impl Gather<'_> {
             leaves: self.meshes.capacity() / 2 / screens,
             tiles: self.textures.most_tiles() / screens,
         };
+        let mut sights = Vec::with_capacity(screens);
+        let mut tiles = 0;
+        for (screen, eye) in view.eyes.iter().enumerate() {
+            let of_screen: Vec<usize> = (0..blocks.len())
+                .filter(|index| blocks[*index].screen == screen)
+                .collect();
+            if of_screen.is_empty() {
+                continue;
+            }
+            let density = view.pixels_per_radian;
+            let sight = self.see(*eye, density, &of_screen, blocks, most_visible);
+            let selection = &sight.selection;
+            self.statistics.selected_tiles += selection.leaves().len() as u32;
+            self.statistics.achieved_tile_px = self
+                .statistics
+                .achieved_tile_px
+                .max(selection.achieved_tile_px());
+            tiles += self.distinct_tiles(&sight.visible);
+            sights.push((*eye, of_screen, sight));
+        }
+        // Beside what is drawn, some of what was: a viewer comes back, and ancestors stand in.
+        let room = tiles * if self.shares { 5 } else { 3 } / 2 + 32;
+        self.textures.reserve(self.gpu, room);
         let mut records = Vec::new();
         let mut draws: Vec<BlockDraws> = blocks
             .iter()
@@ -111,36 +136,9 @@ impl Gather<'_> {
                 patches: Vec::new(),
             })
             .collect();
-        for (screen, eye) in view.eyes.iter().enumerate() {
-            let of_screen: Vec<usize> = (0..blocks.len())
-                .filter(|index| blocks[*index].screen == screen)
-                .collect();
-            if of_screen.is_empty() {
-                continue;
-            }
-            let sight = self.see(
-                *eye,
-                view.pixels_per_radian,
-                &of_screen,
-                blocks,
-                most_visible,
-            );
-            let Sight {
-                selection,
-                visible_in,
-                visible,
-            } = sight;
-            self.statistics.selected_tiles += selection.leaves().len() as u32;
-            self.statistics.achieved_tile_px = self
-                .statistics
-                .achieved_tile_px
-                .max(selection.achieved_tile_px());
-            // Beside what is drawn, some of what was: a viewer comes back, and ancestors stand in.
-            let tiles = self.distinct_tiles(&visible);
-            let room = tiles * if self.shares { 5 } else { 3 } / 2 + 32;
-            self.textures.reserve(self.gpu, room);
-            let surfaces = self.surfaces(*eye, &selection, &visible, &mut records)?;
-            for (index, tiles) in of_screen.iter().zip(visible_in) {
+        for (eye, of_screen, sight) in sights {
+            let surfaces = self.surfaces(eye, &sight.selection, &sight.visible, &mut records)?;
+            for (index, tiles) in of_screen.iter().zip(sight.visible_in) {
                 for tile in tiles {
                     if let Some(surface) = surfaces.get(&tile) {
                         draws[*index].patches.push((surface.record, surface.mesh));
@@ -340,7 +338,7 @@ impl Gather<'_> {
             Lookup::Pending => {
                 self.pending.insert((source.id, tile));
             }
-            Lookup::Failed(_) => {}
+            Lookup::Failed(_) => self.lacks = true,
             Lookup::Ready(_) | Lookup::Absent => return,
         }
         self.wants.push((source.id, tile, priority));

@@ -82,12 +82,13 @@ pub(crate) struct LoadedScene {
 }
 
 impl LoadedScene {
-    /// Opens a scene. Data that `known` scenes have open is not opened again.
+    /// Opens a scene. Data that `known` scenes have open, or that was `opened` ahead, is not opened again.
     pub(crate) fn open(
         cache: &TileCache,
         revision: u64,
         data: SceneData,
         known: &[&Self],
+        opened: &[Source],
     ) -> Result<Self, RenderError> {
         let mut sources = Vec::with_capacity(data.layers.len());
         for layer in &data.layers {
@@ -103,7 +104,13 @@ impl LoadedScene {
                 .iter()
                 .filter(|scene| scene.data.ellipsoid == data.ellipsoid)
                 .flat_map(|scene| scene.sources.iter().flatten())
-                .find(|source| source.path == *path && source.data.dataset.kind == kind);
+                .chain(opened)
+                .find(|source| {
+                    let dataset = &source.data.dataset;
+                    source.path == *path
+                        && dataset.kind == kind
+                        && dataset.ellipsoid == data.ellipsoid
+                });
             let source = match open {
                 Some(source) => source.clone(),
                 None => Source::open(cache, &layer.name, path, &data.ellipsoid, kind)?,

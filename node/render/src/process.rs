@@ -60,6 +60,8 @@ pub(crate) enum Made {
 pub(crate) struct Processor {
     slots: Slots,
     stages: Stages,
+    /// Counts runs: what a run uses stays, and no more.
+    runs: u64,
 }
 
 impl Processor {
@@ -67,6 +69,7 @@ impl Processor {
         Self {
             slots: Slots::new(budget_bytes),
             stages: Stages::new(gpu),
+            runs: 0,
         }
     }
 
@@ -101,10 +104,6 @@ impl Processor {
 
     /// Makes what a plan leads to and finishes it, in no more steps than are left where these are counted. Does not
     /// wait for the device.
-    #[expect(
-        clippy::too_many_arguments,
-        reason = "all of it is borrowed from different owners"
-    )]
     pub(crate) fn run(
         &mut self,
         gpu: &Gpu,
@@ -112,16 +111,32 @@ impl Processor {
         cache: &TileCache,
         plan: &Plan,
         finish: &Finish<'_>,
-        frame: u64,
+        steps_left: Option<&mut u32>,
+    ) -> Result<Made, RenderError> {
+        self.runs += 1;
+        let made = self.make(gpu, scene, cache, plan, finish, steps_left);
+        // Whatever became of it: results that are kept must be in the device's hands before their inputs are lent again.
+        self.stages.submit(gpu);
+        made
+    }
+
+    fn make(
+        &mut self,
+        gpu: &Gpu,
+        scene: &LoadedScene,
+        cache: &TileCache,
+        plan: &Plan,
+        finish: &Finish<'_>,
         mut steps_left: Option<&mut u32>,
     ) -> Result<Made, RenderError> {
+        let run = self.runs;
         let Some(root) = plan.key() else {
             return Ok(Made::Whole);
         };
         let missing = self.missing(plan);
         // What is read must not be taken for what is written.
         for node in &plan.nodes {
-            self.slots.get(node.key, frame);
+            self.slots.get(node.key, run);
         }
         for index in missing {
             let node = &plan.nodes[index];
@@ -145,17 +160,17 @@ impl Processor {
                         }
                         Packing::Finished { channels } => words::finished(&tile, *channels),
                     };
-                    self.upload(gpu, node.key, &words, frame);
+                    self.upload(gpu, node.key, &words, run);
                 }
                 Work::Holes { word } => {
-                    self.upload(gpu, node.key, &vec![*word; words::WORDS], frame);
+                    self.upload(gpu, node.key, &vec![*word; words::WORDS], run);
                 }
                 Work::Stage {
                     stage,
                     uniform,
                     inputs,
                 } => {
-                    self.slots.lend(gpu, node.key, frame);
+                    self.slots.lend(gpu, node.key, run);
                     let keys = inputs.iter().map(|input| plan.nodes[*input].key);
                     let views: Option<Vec<&wgpu::TextureView>> = keys
                         .map(|key| self.slots.peek(key).map(|slot| &slot.view))
@@ -171,18 +186,20 @@ impl Processor {
                         inputs: &inputs,
                         side: SLOT_SIDE,
                     };
-                    self.stages.run(gpu, &dispatch)?;
+                    if let Err(error) = self.stages.run(gpu, &dispatch) {
+                        self.slots.forget(node.key);
+                        return Err(error);
+                    }
                 }
             }
             if let Some(left) = &mut steps_left {
                 **left = left.saturating_sub(1);
                 if **left == 0 {
-                    self.stages.submit(gpu);
                     return Ok(Made::Part);
                 }
             }
         }
-        let Some(slot) = self.slots.get(root, frame) else {
+        let Some(slot) = self.slots.get(root, run) else {
             return Ok(Made::Nothing);
         };
         let (stage, uniform, arrays) = match finish {
@@ -212,15 +229,14 @@ impl Processor {
             side: LAYER_SIDE,
         };
         self.stages.run(gpu, &dispatch)?;
-        self.stages.submit(gpu);
         if let Some(left) = steps_left {
             *left = left.saturating_sub(1);
         }
         Ok(Made::Whole)
     }
 
-    fn upload(&mut self, gpu: &Gpu, key: slots::ResultKey, words: &[u32], frame: u64) {
-        self.slots.lend(gpu, key, frame);
+    fn upload(&mut self, gpu: &Gpu, key: slots::ResultKey, words: &[u32], run: u64) {
+        self.slots.lend(gpu, key, run);
         let Some(slot) = self.slots.peek(key) else {
             return;
         };

@@ -12,7 +12,7 @@ use crate::renderer::{Renderer, ViewPoint};
 use crate::scene::SceneData;
 use crate::target::Picture;
 use crate::test_planet::{
-    CANVAS, COLOURS, HEIGHTS, Planet, output, picture, plain, settle_on, views,
+    CANVAS, COLOURS, HEIGHTS, Planet, output, picture, plain, repository, settle_on, views,
 };
 
 const COLOUR_LAYER: usize = 0;
@@ -374,4 +374,36 @@ fn equal_layers_in_any_order_and_layers_without_weight_make_the_same_picture() {
         difference(&first, &fresh(&planet, planet.scene(), view)) > 8,
         "b shows"
     );
+}
+
+#[test]
+fn data_of_an_added_layer_is_opened_beside_the_frames() {
+    let Some(planet) = Planet::new() else { return };
+    let view = &views()[0];
+    let (_folder, path) = repository(tiles::Kind::Imagery);
+    let mut renderer = planet.renderer(&[output(whole())], 64 << 20);
+    settle_on(&mut renderer, view, 1);
+    let before = picture(&renderer);
+    let scene = with(&planet, |scene| {
+        let process = Process::Imagery(Imagery {
+            tint: [1.0, 0.5, 0.5],
+            ..COLOURS
+        });
+        let mut added = plain("added", Some(&path), process);
+        added.parameters.fusion.priority = 1;
+        scene.layers.push(added);
+    });
+    let start = Instant::now();
+    let mut asked = 0;
+    while !renderer.open_ahead(&scene) {
+        asked += 1;
+        renderer.draw(view, 1).unwrap();
+        assert!(start.elapsed() < Duration::from_secs(60), "never opened");
+    }
+    assert!(asked > 0, "it is opened by another thread");
+    assert!(renderer.open_ahead(&scene), "what is open stays open");
+    renderer.prepare_scene(2, scene.clone()).unwrap();
+    prepare(&mut renderer, view, 1, 2, &before);
+    settle_on(&mut renderer, view, 2);
+    assert!(picture(&renderer).rgba == fresh(&planet, scene, view).rgba);
 }

@@ -4,16 +4,20 @@
 //! waits for data: what is not in memory is asked for, and its best ancestor is shown meanwhile. It knows
 //! no network and no window.
 
+mod ahead;
+mod blocks;
+
 use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
+use std::sync::mpsc::Receiver;
 use std::time::{Duration, Instant};
 
-use geodesy::{Ellipsoid, Tile};
+use geodesy::Tile;
 use glam::{DMat3, DVec3};
 use shaders::{FrameUniform, TileRecord};
 use tiles::{DatasetId, TileCache, Wish};
 
-use crate::canvas::{Block, ChannelPlan, OutputPlan, PlanarScreen};
+use crate::canvas::{OutputPlan, PlanarScreen};
 use crate::error::RenderError;
 use crate::gather::{BlockDraws, Gather};
 use crate::gpu::Gpu;
@@ -21,11 +25,14 @@ use crate::loaded::LoadedScene;
 use crate::meshes::Meshes;
 use crate::pipelines::Pipelines;
 use crate::process::Processor;
-use crate::ranges::Ranges;
-use crate::scene::SceneData;
-use crate::target::{BlockLayout, BlockTarget, OutputTarget, Picture};
+use crate::source::Source;
+use crate::target::{BlockTarget, OutputTarget, Picture};
 use crate::textures::SurfaceTextures;
 use crate::uniform::frame_uniform;
+use blocks::{block_layouts, copy_block, filled_blocks, plan_blocks};
+
+pub use ahead::AheadStatistics;
+pub(crate) use blocks::PlannedBlock;
 
 /// The longest that processing for the shown scene may hold up one frame.
 const LONGEST_PROCESSING: Duration = Duration::from_millis(50);
@@ -85,15 +92,6 @@ pub struct FrameStatistics {
     pub achieved_tile_px: f64,
 }
 
-/// What one call of [`Renderer::prepare_ahead`] did.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct AheadStatistics {
-    /// The scene in preparation, once everything that the last view needs of it is there.
-    pub prepared: Option<u64>,
-    /// Results made.
-    pub processed_tiles: u32,
-}
-
 /// Draws one scene for the outputs of one node.
 pub struct Renderer {
     gpu: Arc<Gpu>,
@@ -110,9 +108,14 @@ pub struct Renderer {
     next: Option<LoadedScene>,
     /// What it waits for.
     next_wants: Vec<Wish>,
+    /// Whether it was prepared for the view drawn last when that many tiles had arrived.
+    next_prepared_at: Option<u64>,
+    /// Data sets on their way for a scene to come, and those that have come.
+    opening: Option<Receiver<Vec<Source>>>,
+    opened: Vec<Source>,
     /// Another scene is shown since the last picture.
     switched: bool,
-    /// How long the last picture took the GPU.
+    /// How long the last picture took to encode and to be waited for.
     draw_time: Duration,
     /// Some picture was complete.
     complete: bool,
@@ -122,14 +125,6 @@ pub struct Renderer {
     used: HashSet<u64>,
     new_tiles: Vec<u64>,
     last: Option<LastFrame>,
-}
-
-/// A block, and which channel of which output it is drawn for.
-pub(crate) struct PlannedBlock {
-    pub(crate) output: usize,
-    channel: usize,
-    pub(crate) screen: usize,
-    pub(crate) block: Block,
 }
 
 /// What the standing picture was made from.
@@ -142,6 +137,8 @@ struct LastFrame {
     wants: Vec<Wish>,
     /// Tiles on their way.
     pending: HashSet<(DatasetId, Tile)>,
+    /// Some data could not be had.
+    lacks: bool,
     statistics: FrameStatistics,
 }
 
@@ -154,10 +151,17 @@ struct Gathered {
     pending: HashSet<(DatasetId, Tile)>,
     /// Not all was made that could be.
     behind: bool,
+    /// Some data could not be had.
+    lacks: bool,
     statistics: FrameStatistics,
 }
 
 impl LastFrame {
+    /// True where nothing is missing. Data that could not be had may come yet.
+    fn is_final(&self, arrivals: u64) -> bool {
+        self.statistics.converged && (!self.lacks || self.arrivals == arrivals)
+    }
+
     /// True where only tiles on their way can change the picture, and none has come.
     fn waits_for_arrivals(&self, arrivals: u64) -> bool {
         self.statistics.pending_tiles > 0 && self.arrivals == arrivals
@@ -192,6 +196,9 @@ impl Renderer {
             scene: None,
             next: None,
             next_wants: Vec::new(),
+            next_prepared_at: None,
+            opening: None,
+            opened: Vec::new(),
             switched: false,
             draw_time: Duration::ZERO,
             complete: false,
@@ -201,58 +208,6 @@ impl Renderer {
             new_tiles: Vec::new(),
             last: None,
         })
-    }
-
-    /// Takes a scene. The first is shown at once; a later one is prepared while the shown one is drawn, and takes
-    /// the place of another in preparation. Its indices are read at once where no scene has them open, its tiles when
-    /// they are looked at. On an error nothing changes.
-    pub fn prepare_scene(&mut self, revision: u64, data: SceneData) -> Result<(), RenderError> {
-        let known: Vec<&LoadedScene> = self.scene.iter().chain(&self.next).collect();
-        let refinement = data.refinement;
-        let loaded = LoadedScene::open(&self.cache, revision, data, &known)?;
-        if !self.meshes.iter().any(|(known, _)| *known == refinement) {
-            let meshes = Meshes::new(&self.gpu, refinement, self.budget.gpu_bytes / 8)?;
-            self.meshes.push((refinement, meshes));
-        }
-        if self.scene.is_none() {
-            self.scene = Some(loaded);
-            self.switched = true;
-        } else {
-            self.next = Some(loaded);
-            self.next_wants.clear();
-        }
-        let scenes = [&self.scene, &self.next];
-        self.meshes.retain(|(refinement, _)| {
-            let mut used = scenes.iter().filter_map(|scene| scene.as_ref());
-            used.any(|scene| scene.data.refinement == *refinement)
-        });
-        Ok(())
-    }
-
-    /// Shows a scene from the next picture on: the one in preparation, or the one that is shown already.
-    pub fn show(&mut self, revision: u64) -> Result<(), RenderError> {
-        let is = |scene: &Option<LoadedScene>| {
-            scene
-                .as_ref()
-                .is_some_and(|scene| scene.revision == revision)
-        };
-        if is(&self.scene) {
-            return Ok(());
-        }
-        if !is(&self.next) {
-            return Err(RenderError::UnknownScene { revision });
-        }
-        let before = std::mem::replace(&mut self.scene, self.next.take());
-        self.switched = true;
-        self.next_wants.clear();
-        // Everything else that a picture is made of is compared with the last one's.
-        if let (Some(before), Some(scene)) = (before, &self.scene) {
-            let (old, new) = (&before.data, &scene.data);
-            self.relit |= (old.light, old.air, old.ellipsoid)
-                != (new.light, new.air, new.ellipsoid)
-                || old.refinement != new.refinement;
-        }
-        Ok(())
     }
 
     /// Moves the shown scene's sun without taking a new scene.
@@ -298,9 +253,9 @@ impl Renderer {
         if let Some(last) = &self.last
             && !self.relit
             && !self.switched
-            && self.next.is_none()
+            && (self.next.is_none() || self.next_prepared_at == Some(arrivals))
             && last.view == *view
-            && (last.statistics.converged || last.waits_for_arrivals(arrivals))
+            && (last.is_final(arrivals) || last.waits_for_arrivals(arrivals))
             && last.statistics.processed_tiles == 0
         {
             return Ok(FrameStatistics {
@@ -327,6 +282,9 @@ impl Renderer {
         view: &ViewPoint,
         arrivals: u64,
     ) -> Result<FrameStatistics, RenderError> {
+        if self.last.as_ref().is_none_or(|last| last.view != *view) {
+            self.next_prepared_at = None;
+        }
         let begin = Instant::now();
         let upload_until = begin + self.budget.upload;
         let blocks = plan_blocks(&self.outputs, view);
@@ -373,47 +331,11 @@ impl Renderer {
             arrivals,
             wants: gathered.wants,
             pending: gathered.pending,
+            lacks: gathered.lacks,
             statistics: gathered.statistics,
         });
         self.request();
         Ok(gathered.statistics)
-    }
-
-    /// Goes on preparing the next scene for the view drawn last, once after each call of [`Renderer::draw_shown`]: until
-    /// this moment, but no longer than the budget allows or, where that is more, a quarter of the time that the last
-    /// picture took. It does at least one step, or a slow machine would never finish.
-    pub fn prepare_ahead(&mut self, until: Instant) -> Result<AheadStatistics, RenderError> {
-        let Some(view) = self.last.as_ref().map(|last| last.view.clone()) else {
-            return Ok(AheadStatistics::default());
-        };
-        let Some(next) = self.next.take() else {
-            return Ok(AheadStatistics::default());
-        };
-        // A driver that computes on the processor takes milliseconds for one stage, and much more where others want
-        // the processor too. So a few are begun in each frame and nobody waits for them.
-        if self.gpu.is_software() && !self.gpu.is_idle()? {
-            self.next = Some(next);
-            return Ok(AheadStatistics::default());
-        }
-        let until = until.min(Instant::now() + self.budget.upload.max(self.draw_time / 4));
-        let blocks = plan_blocks(&self.outputs, &view);
-        let ahead = self.gather(&next, &view, &blocks, until, true);
-        let revision = next.revision;
-        self.next = Some(next);
-        let ahead = ahead?;
-        self.next_wants = ahead.wants;
-        self.request();
-        // What the shown scene waits for as well does not keep the next one back: a viewer in flight always
-        // waits for something.
-        let prepared = !ahead.behind
-            && self
-                .last
-                .as_ref()
-                .is_some_and(|last| ahead.pending.is_subset(&last.pending));
-        Ok(AheadStatistics {
-            prepared: prepared.then_some(revision),
-            processed_tiles: ahead.statistics.processed_tiles,
-        })
     }
 
     /// Asks for all that is missing.
@@ -458,6 +380,7 @@ impl Renderer {
             wants: Vec::new(),
             pending: HashSet::new(),
             behind: false,
+            lacks: false,
             broken: HashMap::new(),
             shown: Vec::new(),
             statistics: FrameStatistics {
@@ -469,7 +392,8 @@ impl Renderer {
         let mut statistics = gather.statistics;
         statistics.pending_tiles = gather.pending.len() as u32;
         statistics.converged &= gather.pending.is_empty() && !gather.behind;
-        let (pending, behind) = (std::mem::take(&mut gather.pending), gather.behind);
+        let (behind, lacks) = (gather.behind, gather.lacks);
+        let pending = std::mem::take(&mut gather.pending);
         let wants = std::mem::take(&mut gather.wants);
         let shown = std::mem::take(&mut gather.shown);
         self.new_tiles
@@ -480,6 +404,7 @@ impl Renderer {
             wants,
             pending,
             behind,
+            lacks,
             statistics,
         })
     }
@@ -574,32 +499,6 @@ impl Renderer {
         Ok(())
     }
 
-    /// Latitude and longitude in degrees on the ellipsoid under a pixel of an output, y down, in the view drawn last.
-    /// `None` beside the planet, and where nothing is drawn.
-    #[must_use]
-    pub fn ground_under(&self, output: usize, pixel: [f64; 2]) -> Option<[f64; 2]> {
-        let (view, scene) = (&self.last.as_ref()?.view, self.scene.as_ref()?);
-        let (plan, _, _) = self.outputs.get(output)?;
-        let [x, y] = pixel;
-        let channel = plan.channels.iter().find(|channel| {
-            let [left, top] = channel.output_px.map(f64::from);
-            let (width, height) = (
-                f64::from(channel.canvas_px.width),
-                f64::from(channel.canvas_px.height),
-            );
-            (left..left + width).contains(&x) && (top..top + height).contains(&y)
-        })?;
-        let on_canvas = [
-            x - f64::from(channel.output_px[0]) + f64::from(channel.canvas_px.x),
-            y - f64::from(channel.output_px[1]) + f64::from(channel.canvas_px.y),
-        ];
-        let eye = *view.eyes.get(channel.screen)?;
-        let ray = view.room * view.screens.get(channel.screen)?.ray_through(on_canvas);
-        let normal = ground_hit(&scene.data.ellipsoid, eye, ray)?;
-        let (latitude_deg, longitude_deg) = Ellipsoid::angles_deg(normal);
-        Some([latitude_deg, longitude_deg])
-    }
-
     /// The finished pictures, in the order of the outputs.
     pub fn read_pictures(&self) -> Result<Vec<(String, Picture)>, RenderError> {
         self.outputs
@@ -624,120 +523,4 @@ impl Renderer {
     pub fn gpu(&self) -> &Arc<Gpu> {
         &self.gpu
     }
-}
-
-/// The geodetic normal where a ray from an eye first meets the ellipsoid.
-fn ground_hit(ellipsoid: &Ellipsoid, eye: DVec3, ray: DVec3) -> Option<DVec3> {
-    let (a, b) = (ellipsoid.semi_major_m, ellipsoid.semi_minor_m);
-    // In units of the semi-axes the ellipsoid is the unit sphere.
-    let (from, along) = (eye / DVec3::new(a, a, b), ray / DVec3::new(a, a, b));
-    let (square, half, rest) = (
-        along.length_squared(),
-        from.dot(along),
-        from.length_squared() - 1.0,
-    );
-    let discriminant = half * half - square * rest;
-    let distance = (-half - discriminant.sqrt()) / square;
-    // NaN where the ray misses.
-    (distance > 0.0).then(|| {
-        let hit = eye + ray * distance;
-        (hit / DVec3::new(a * a, a * a, b * b)).normalize()
-    })
-}
-
-/// All blocks of all channels of all outputs, in a fixed order.
-fn plan_blocks(
-    outputs: &[(OutputPlan, OutputTarget, Option<BlockTarget>)],
-    view: &ViewPoint,
-) -> Vec<PlannedBlock> {
-    let mut blocks = Vec::new();
-    for (output, (plan, _, _)) in outputs.iter().enumerate() {
-        for (index, channel) in plan.channels.iter().enumerate() {
-            let Some(screen) = view.screens.get(channel.screen) else {
-                continue;
-            };
-            let of_channel = screen.blocks(channel.canvas_px, view.room);
-            blocks.extend(of_channel.into_iter().map(|block| PlannedBlock {
-                output,
-                channel: index,
-                screen: channel.screen,
-                block,
-            }));
-        }
-    }
-    blocks
-}
-
-/// Whether the planet, at its lowest, fills each block.
-fn filled_blocks(scene: &LoadedScene, view: &ViewPoint, blocks: &[PlannedBlock]) -> Vec<bool> {
-    let floor_m = Ranges(scene).floor_m();
-    let (a, b) = (
-        scene.data.ellipsoid.semi_major_m,
-        scene.data.ellipsoid.semi_minor_m,
-    );
-    let semi_axes_m = DVec3::new(a, a, b) + floor_m;
-    let filled = |planned: &PlannedBlock| {
-        view.eyes
-            .get(planned.screen)
-            .is_some_and(|eye| planned.block.is_filled_by(semi_axes_m, *eye))
-    };
-    blocks.iter().map(filled).collect()
-}
-
-/// How large each output's block target must be, and whether it can be drawn to directly.
-fn block_layouts(
-    outputs: &[(OutputPlan, OutputTarget, Option<BlockTarget>)],
-    blocks: &[PlannedBlock],
-) -> Vec<BlockLayout> {
-    let mut layouts = vec![BlockLayout::default(); outputs.len()];
-    let mut counts = vec![0_u32; outputs.len()];
-    for planned in blocks {
-        let output = planned.output;
-        let layout = &mut layouts[output];
-        let wanted = planned.block.wanted;
-        layout.size[0] = layout.size[0].max(wanted.x + wanted.width);
-        layout.size[1] = layout.size[1].max(wanted.y + wanted.height);
-        counts[output] += 1;
-        layout.direct = counts[output] == 1
-            && (wanted.x, wanted.y) == (0, 0)
-            && outputs[output].0.size_px == [wanted.width, wanted.height];
-    }
-    layouts
-}
-
-/// Copies a block's wanted part to its place in the output.
-fn copy_block(
-    encoder: &mut wgpu::CommandEncoder,
-    block_texture: &wgpu::Texture,
-    target: &OutputTarget,
-    channel: &ChannelPlan,
-    block: &Block,
-) {
-    let wanted = block.wanted;
-    let on_canvas = (block.area.x + wanted.x, block.area.y + wanted.y);
-    let [left, top] = channel.output_px;
-    let place = wgpu::Origin3d {
-        x: left + on_canvas.0 - channel.canvas_px.x,
-        y: top + on_canvas.1 - channel.canvas_px.y,
-        z: 0,
-    };
-    encoder.copy_texture_to_texture(
-        wgpu::TexelCopyTextureInfo {
-            origin: wgpu::Origin3d {
-                x: wanted.x,
-                y: wanted.y,
-                z: 0,
-            },
-            ..block_texture.as_image_copy()
-        },
-        wgpu::TexelCopyTextureInfo {
-            origin: place,
-            ..target.texture.as_image_copy()
-        },
-        wgpu::Extent3d {
-            width: wanted.width,
-            height: wanted.height,
-            depth_or_array_layers: 1,
-        },
-    );
 }

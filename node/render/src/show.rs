@@ -78,7 +78,7 @@ impl Gather<'_> {
                 if self.stand_in(tile, heights).is_none()
                     && root != tile
                     && roots.insert(root)
-                    && let Found::Possible(plan) = self.find(eye, root, heights)
+                    && let Some(plan) = self.plan_of_root(eye, root, heights)
                 {
                     jobs.push(Job {
                         tile: root,
@@ -188,6 +188,29 @@ impl Gather<'_> {
         Found::Possible(plan)
     }
 
+    /// A way to the coarsest result that can be gone now: if need be without the layers whose data is still on its way,
+    /// since one slow layer must not keep all others from being seen.
+    fn plan_of_root(&mut self, eye: DVec3, root: Tile, heights: bool) -> Option<Arc<Plan>> {
+        match self.find(eye, root, heights) {
+            Found::Possible(plan) => return Some(plan),
+            Found::Ready | Found::Bare => return None,
+            Found::Waiting => {}
+        }
+        let scene = self.scene;
+        let mut sources = scene.best_sources(root);
+        for (source, data) in sources.iter_mut().zip(&scene.sources) {
+            let there = |tile: &Tile| {
+                data.as_ref()
+                    .is_some_and(|data| matches!(self.cache.get(data.id, *tile), Lookup::Ready(_)))
+            };
+            *source = source.filter(there);
+        }
+        let plan = Arc::new(scene.plan_with(root, heights, &sources));
+        let key = plan.key()?;
+        self.broken.insert((root, heights), key);
+        self.layer(key, heights).is_none().then_some(plan)
+    }
+
     /// Runs jobs within the frame's budget, coarse levels first.
     fn run_jobs(&mut self, mut jobs: Vec<Job>) -> Result<(), RenderError> {
         jobs.sort_by_key(|job| (job.tile.level(), !job.heights, job.tile));
@@ -226,7 +249,6 @@ impl Gather<'_> {
                 self.cache,
                 &job.plan,
                 &finish,
-                self.frame,
                 self.steps_left.as_mut(),
             )?;
             self.worked = true;
@@ -257,7 +279,7 @@ impl Gather<'_> {
         Ok(())
     }
 
-    /// Data that was brought to the GPU counts as used.
+    /// Data that a result was made of counts as used.
     fn note_used(&mut self, plan: &Plan) {
         for node in &plan.nodes {
             if let Work::Upload { layer, source, .. } = &node.work
@@ -287,8 +309,10 @@ impl Gather<'_> {
     fn stand_in(&mut self, tile: Tile, heights: bool) -> Option<(Tile, u32)> {
         let scene = self.scene;
         tile.lineage().skip(1).find_map(|ancestor| {
-            let key = scene.plan(ancestor, heights).key()?;
-            Some((ancestor, self.layer(key, heights)?))
+            let best = scene.plan(ancestor, heights).key();
+            let stands = self.broken.get(&(ancestor, heights)).copied();
+            let mut keys = best.into_iter().chain(stands);
+            Some((ancestor, keys.find_map(|key| self.layer(key, heights))?))
         })
     }
 

@@ -30,9 +30,16 @@ impl FrameLoop {
         let Some(picture) = &mut self.picture else {
             return false;
         };
-        let Some((revision, scene)) = self.scenes.next_scene() else {
+        let Some((revision, scene)) = self.opening.take().or_else(|| self.scenes.next_scene())
+        else {
             return false;
         };
+        if !picture.open_ahead(&scene) {
+            // Files are read meanwhile; frames go on.
+            self.scenes.opens(revision);
+            self.opening = Some((revision, scene));
+            return false;
+        }
         self.priority.lower();
         link::sleep_until_us(self.rest_until_us);
         match picture.prepare_scene(revision, &scene) {

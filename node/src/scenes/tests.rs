@@ -124,3 +124,19 @@ fn a_flood_of_scenes_costs_neither_the_shown_one_nor_the_newest_nor_memory() {
     assert_eq!(scenes.view(500, 2), Verdict::Never(None));
     assert_eq!(scenes.next_scene(), Some((1_000, 1_000)));
 }
+
+#[test]
+fn a_view_waits_for_a_scene_whose_data_is_being_opened() {
+    let mut scenes = Scenes::new();
+    scenes.arrived(queue([(1, 10)]));
+    assert_eq!(scenes.next_scene(), Some((1, 1)));
+    scenes.taken(1);
+    scenes.drawn(1, None);
+    scenes.arrived(queue([(2, 20)]));
+    assert_eq!(scenes.next_scene(), Some((2, 2)));
+    scenes.opens(2);
+    assert_eq!(scenes.view(1, 25), Verdict::Draw, "the shown scene goes on");
+    assert_eq!(scenes.view(2, 30), Verdict::Wait);
+    scenes.taken(2);
+    assert_eq!(scenes.view(2, 31), Verdict::Draw);
+}

@@ -1,6 +1,6 @@
 //! The GPU's memory of processing results: slots of 275×275 words, each known by what it holds.
-//! In: contents that are wanted, frame numbers. Out: textures to read and to write. Within a byte budget the result
-//! unused for longest makes room; what this frame uses stays. It does not know how results are made.
+//! In: contents that are wanted, numbers of runs. Out: textures to read and to write. Within a byte budget the result
+//! unused for longest makes room; what the present run uses stays. It does not know how results are made.
 
 use std::collections::{BTreeSet, HashMap};
 
@@ -59,13 +59,13 @@ impl Slots {
         }
     }
 
-    /// The slot of a result, which counts as used in this frame.
-    pub(crate) fn get(&mut self, key: ResultKey, frame: u64) -> Option<&Slot> {
+    /// The slot of a result, which counts as used in this run.
+    pub(crate) fn get(&mut self, key: ResultKey, run: u64) -> Option<&Slot> {
         let slot = self.lent.get_mut(&key)?;
-        if slot.used != frame {
+        if slot.used != run {
             self.order.remove(&(slot.used, key));
-            self.order.insert((frame, key));
-            slot.used = frame;
+            self.order.insert((run, key));
+            slot.used = run;
         }
         Some(slot)
     }
@@ -81,26 +81,26 @@ impl Slots {
     }
 
     /// Lends a slot to a result that has none, for the caller to fill. A tile's own chain of stages must fit
-    /// whatever the budget says, so slots in use in this frame are never taken; beyond the budget a new one is made
+    /// whatever the budget says, so slots in use in this run are never taken; beyond the budget a new one is made
     /// only while all are in use, and given up again as soon as they are not.
-    pub(crate) fn lend(&mut self, gpu: &Gpu, key: ResultKey, frame: u64) {
+    pub(crate) fn lend(&mut self, gpu: &Gpu, key: ResultKey, run: u64) {
         let recycled = if self.lent.len() < self.most {
             None
         } else {
-            self.take_oldest(frame)
+            self.take_oldest(run)
         };
         let mut slot = recycled.unwrap_or_else(|| new_slot(gpu));
-        slot.used = frame;
+        slot.used = run;
         self.forget(key);
-        self.order.insert((frame, key));
+        self.order.insert((run, key));
         self.lent.insert(key, slot);
-        while self.lent.len() > self.most && self.take_oldest(frame).is_some() {}
+        while self.lent.len() > self.most && self.take_oldest(run).is_some() {}
     }
 
-    /// Takes the slot unused for longest, unless this frame uses it.
-    fn take_oldest(&mut self, frame: u64) -> Option<Slot> {
+    /// Takes the slot unused for longest, unless this run uses it.
+    fn take_oldest(&mut self, run: u64) -> Option<Slot> {
         let (used, key) = *self.order.first()?;
-        if used >= frame {
+        if used >= run {
             return None;
         }
         self.order.remove(&(used, key));

@@ -14,7 +14,7 @@ const UNIFORM_BYTES: u64 = 64 * 1024;
 /// Textures that a fusing stage reads.
 pub(crate) const MOST_INPUTS: usize = 8;
 
-/// The compute pipelines, each made when it is first needed, or by [`Pipelines::warm`].
+/// The compute pipelines, each made when it is first needed, or by [`Stages::warm`].
 #[derive(Debug, Default)]
 struct Pipelines {
     made: [OnceLock<wgpu::ComputePipeline>; Stage::ALL.len()],
@@ -22,15 +22,9 @@ struct Pipelines {
 
 impl Pipelines {
     fn get(&self, gpu: &Gpu, stage: Stage) -> Result<&wgpu::ComputePipeline, RenderError> {
-        let slot = Stage::ALL
-            .iter()
-            .position(|known| *known == stage)
-            .and_then(|index| self.made.get(index));
-        let Some(slot) = slot else {
-            return Err(RenderError::Mesh(format!(
-                "stage {} is not listed",
-                stage.name()
-            )));
+        let index = Stage::ALL.iter().position(|known| *known == stage);
+        let Some(slot) = index.and_then(|index| self.made.get(index)) else {
+            return Err(RenderError::Stage(stage.name()));
         };
         if let Some(made) = slot.get() {
             return Ok(made);
@@ -64,7 +58,7 @@ pub(crate) struct Dispatch<'a> {
     pub(crate) stage: Stage,
     pub(crate) uniform: &'a [u8],
     pub(crate) result: &'a wgpu::TextureView,
-    /// At least as many as the stage reads, or one less than it could: the last is repeated.
+    /// At least one. Where the stage could read more, the last is repeated.
     pub(crate) inputs: &'a [&'a wgpu::TextureView],
     /// Nodes along a side of the result.
     pub(crate) side: u32,
