@@ -110,6 +110,8 @@ impl WallPicture {
         let budget = RenderBudget {
             gpu_bytes: wall.cache.gpu_mib * MIB,
             upload: Duration::from_secs_f64(UPLOAD_SHARE / wall.fps),
+            // Who starts several nodes on a machine gives each one thread of the software driver.
+            shared: std::env::var("LP_NUM_THREADS").is_ok_and(|threads| threads == "1"),
         };
         let plans = output_plans(host);
         let renderer = Renderer::new(gpu, Arc::new(cache), &plans, budget)

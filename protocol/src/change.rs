@@ -24,8 +24,9 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use crate::barrier::NodeId;
 
-/// How long members may prepare a revision before it is shown without them, in microseconds.
-pub const PATIENCE_US: i64 = 2_000_000;
+/// How long members may prepare a revision before it is shown without them, in microseconds. A wall on a software driver
+/// takes a second or two for a change of every tile; what is shown unprepared is coarse for as long.
+pub const PATIENCE_US: i64 = 5_000_000;
 
 /// What the master has to do, in this order.
 #[derive(Clone, Debug, PartialEq, Eq)]

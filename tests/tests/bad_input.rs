@@ -148,9 +148,29 @@ fn a_wrong_scene_is_refused_before_anything_starts() {
             vec!["scene.toml:", "latitude_deg", "90"],
         ),
         (
-            "name = \"colour\"",
-            "name = \"relief\"",
+            "[layers.colour]",
+            "[layers.relief]",
             vec!["scene.toml:", "relief"],
+        ),
+        (
+            "[layers.colour]",
+            "[[layers]]\nname = \"colour\"",
+            vec!["scene.toml:", "layers"],
+        ),
+        (
+            "[layers.colour]",
+            "[layers.colour]\nexposure_stops = 99",
+            vec!["scene.toml:", "layers.colour.exposure_stops", "16"],
+        ),
+        (
+            "[layers.colour]",
+            "[layers.ground]\nkind = \"ramp\"\nramp = \"rainbow\"\n[layers.colour]",
+            vec!["scene.toml:", "layers.ground.ramp", "land-and-sea"],
+        ),
+        (
+            "[layers.colour]",
+            "[lenses.loupe]\nlatitude_deg = 0\nlongitude_deg = 0\nradius_m = 0\n[layers.colour]",
+            vec!["scene.toml:", "lenses.loupe.radius_m", "above 0"],
         ),
         (
             "kind = \"imagery\"",

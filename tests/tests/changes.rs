@@ -400,7 +400,10 @@ fn measure(name: &str, change: &dyn Fn(f64) -> Value, changing: bool, digests: b
         // The first trial may be what the scene has already, and then is no change.
         let wanted = u64::from(count + WARMING);
         assert!((wanted * 9 / 10..=wanted + 1).contains(&told("submitted")));
-        assert!(took_s < f64::from(seconds()) * 1.1, "it took {took_s} s");
+        assert!(
+            took_s < f64::from(seconds()) * 1.1 + 0.5,
+            "it took {took_s} s"
+        );
         assert!(told("shown") > u64::from(WARMING));
         assert_eq!((told("refused"), told("unprepared")), (0, 0));
     }
@@ -427,8 +430,8 @@ fn changes_60_times_a_second_mix_no_frame_and_cost_no_deadline() {
         ("a lens's place", &lens),
     ] {
         measure(name, change, true, true);
-        // Deadlines are also missed when this machine is busy with something else, which happens to one run and not
-        // to three.
+        // Deadlines are also missed when this machine is busy with something else, which happens to some runs and not
+        // to each of six.
         let mut tries = 1;
         loop {
             let changing = missed(&measure(name, change, true, false));
@@ -436,7 +439,7 @@ fn changes_60_times_a_second_mix_no_frame_and_cost_no_deadline() {
                 break;
             }
             assert!(
-                tries < 3,
+                tries < 6,
                 "{name}: {changing} deadlines missed, {quiet} without changes"
             );
             tries += 1;

@@ -7,6 +7,7 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use master::{ControlOptions, Master, MasterOptions, Notice};
+use protocol::change::PATIENCE_US;
 use serde_json::{Value, json};
 
 use super::http::{get, patch, request};
@@ -183,7 +184,7 @@ fn a_node_that_comes_amid_changes_shows_what_all_show() {
 }
 
 #[test]
-fn a_node_that_never_prepares_holds_a_change_up_for_two_seconds() {
+fn a_node_that_never_prepares_holds_a_change_up_until_patience_is_over() {
     let _machine = machine();
     let (identity, log) = (identity(), tempfile::tempdir().unwrap());
     let master = Master::start(controlled(2, identity.path())).unwrap();
@@ -215,7 +216,9 @@ fn a_node_that_never_prepares_holds_a_change_up_for_two_seconds() {
         begin.elapsed()
     };
     let (first, second) = (shown(2), shown(5));
-    let (least, most) = (Duration::from_millis(1_900), Duration::from_millis(3_500));
+    let patience = Duration::from_micros(PATIENCE_US.unsigned_abs());
+    let least = patience - Duration::from_millis(100);
+    let most = patience + Duration::from_millis(1_500);
     assert!((least..most).contains(&first), "{first:?}");
     assert!((least..most).contains(&(second - first)), "{second:?}");
     std::thread::sleep(Duration::from_millis(200));

@@ -43,6 +43,9 @@ const LONGEST_FIRST_PROCESSING: Duration = Duration::from_millis(250);
 const STEP: Duration = Duration::from_millis(2);
 /// Stages that are begun in a frame there, at least.
 const LEAST_STEPS: u32 = 2;
+/// How many times as many a node begins that has the processors for itself, and that while its picture stands.
+const ALONE: u32 = 2;
+const STANDING: u32 = 3;
 
 /// Limits of memory and time.
 #[derive(Clone, Copy, Debug)]
@@ -52,6 +55,8 @@ pub struct RenderBudget {
     /// Time that processing the next scene may take from one frame. What the shown scene lacks may take as long as its
     /// picture takes to draw, if that is more.
     pub upload: Duration,
+    /// Other nodes want this machine's processors too. It counts only where the driver computes on them as well.
+    pub shared: bool,
 }
 
 /// Where the viewer is, and how the screens stand around the eye.
@@ -374,7 +379,13 @@ impl Renderer {
             upload_until,
             steps_left: (ahead && self.gpu.is_software()).then(|| {
                 let steps = self.budget.upload.as_secs_f64() / STEP.as_secs_f64();
-                (steps.round() as u32).max(LEAST_STEPS)
+                let steps = (steps.round() as u32).max(LEAST_STEPS);
+                let drawn = self.last.as_ref().map(|last| last.statistics.redrawn);
+                match (self.budget.shared, drawn) {
+                    (true, _) => steps,
+                    (false, Some(false)) => steps * ALONE * STANDING,
+                    (false, _) => steps * ALONE,
+                }
             }),
             worked: false,
             wants: Vec::new(),

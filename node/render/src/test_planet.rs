@@ -150,6 +150,7 @@ impl Planet {
         let budget = RenderBudget {
             gpu_bytes,
             upload: Duration::from_millis(5),
+            shared: false,
         };
         let mut renderer = Renderer::new(Arc::clone(&self.gpu), cache, outputs, budget).unwrap();
         renderer.prepare_scene(1, self.scene()).unwrap();

@@ -83,16 +83,18 @@ fn one_node_that_never_answers_costs_patience_and_no_more() {
             world.start(node, 0, 1_000);
         }
         world.run_until(2_000);
-        for number in 0..300 {
+        // Two patiences and a half.
+        let submissions = PATIENCE_US * 5 / 2 / SUBMISSION_US;
+        for number in 0..submissions {
             world.submit(10_000 + number * SUBMISSION_US);
         }
-        let last_us = 10_000 + 299 * SUBMISSION_US;
+        let last_us = 10_000 + (submissions - 1) * SUBMISSION_US;
         // At most one revision is in preparation before the last one.
         world.run_until(last_us + 2 * PATIENCE_US);
         check_settled(&world, seed);
         let tallies = world.tallies;
         assert_eq!(tallies.shown, tallies.unprepared, "seed {seed}");
-        // One each two seconds: at 0, 2 and 4 s of submissions, and the last.
+        // One each patience: begun at 0, 1 and 2 of them, and the last.
         assert_eq!(tallies.shown, 4, "seed {seed}: {tallies:?}");
     }
 }
