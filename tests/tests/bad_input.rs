@@ -150,12 +150,12 @@ fn a_wrong_scene_is_refused_before_anything_starts() {
         (
             "[layers.colour]",
             "[layers.relief]",
-            vec!["scene.toml:", "relief"],
+            vec!["scene.toml:", "duplicate key"],
         ),
         (
-            "[layers.colour]",
-            "[[layers]]\nname = \"colour\"",
-            vec!["scene.toml:", "layers"],
+            "[layers.relief]",
+            "[[layers]]\nname = \"relief\"",
+            vec!["scene.toml:", "layers", "[layers."],
         ),
         (
             "[layers.colour]",
