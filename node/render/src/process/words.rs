@@ -27,12 +27,12 @@ pub(crate) fn heights(data: &TileData, unit_m: f64) -> Vec<u32> {
 
 /// Amplitudes: the first channel.
 pub(crate) fn amplitudes(data: &TileData) -> Vec<u32> {
-    let first = usize::from(data.channels.max(1));
+    let step = usize::from(data.channels.max(1));
     match &data.samples {
-        Samples::I32(values) => mask(firsts(values, first, |v| f64::from(*v)), data),
-        Samples::U8(values) => mask(firsts(values, first, |v| f64::from(*v)), data),
-        Samples::U16(values) => mask(firsts(values, first, |v| f64::from(*v)), data),
-        Samples::F32(values) => mask(firsts(values, first, |v| f64::from(*v)), data),
+        Samples::I32(values) => mask(firsts(values, step), data),
+        Samples::U8(values) => mask(firsts(values, step), data),
+        Samples::U16(values) => mask(firsts(values, step), data),
+        Samples::F32(values) => mask(firsts(values, step), data),
     }
 }
 
@@ -55,33 +55,9 @@ pub(crate) fn colours(data: &TileData, channels: [u8; 3], range: [f64; 2]) -> Ve
                 &mut words,
             );
         }
-        Samples::U16(values) => {
-            pack(
-                values,
-                count,
-                channels,
-                |v| spread(f64::from(*v)),
-                &mut words,
-            );
-        }
-        Samples::F32(values) => {
-            pack(
-                values,
-                count,
-                channels,
-                |v| spread(f64::from(*v)),
-                &mut words,
-            );
-        }
-        Samples::I32(values) => {
-            pack(
-                values,
-                count,
-                channels,
-                |v| spread(f64::from(*v)),
-                &mut words,
-            );
-        }
+        Samples::U16(values) => pack(values, count, channels, spread_any(&spread), &mut words),
+        Samples::F32(values) => pack(values, count, channels, spread_any(&spread), &mut words),
+        Samples::I32(values) => pack(values, count, channels, spread_any(&spread), &mut words),
     }
     if !matches!(data.validity, tiles::Validity::All) {
         for (node, word) in words.iter_mut().enumerate() {
@@ -126,15 +102,9 @@ pub(crate) fn shown_channels(asked: [u8; 3], available: u8) -> [u8; 3] {
     }
 }
 
-fn firsts<'a, T>(
-    values: &'a [T],
-    step: usize,
-    number: impl Fn(&T) -> f64 + 'a,
-) -> impl Iterator<Item = u32> + 'a {
-    values
-        .iter()
-        .step_by(step)
-        .map(move |value| scalar_f32(number(value)).to_bits())
+fn firsts<T: Copy + Into<f64>>(values: &[T], step: usize) -> impl Iterator<Item = u32> {
+    let words = values.iter().step_by(step);
+    words.map(|value| scalar_f32((*value).into()).to_bits())
 }
 
 fn mask(words: impl Iterator<Item = u32>, data: &TileData) -> Vec<u32> {
@@ -151,6 +121,11 @@ fn mask(words: impl Iterator<Item = u32>, data: &TileData) -> Vec<u32> {
             }
         })
         .collect()
+}
+
+/// Any number, spread.
+fn spread_any<T: Copy + Into<f64>>(spread: &impl Fn(f64) -> u32) -> impl Fn(&T) -> u32 {
+    |value| spread((*value).into())
 }
 
 fn pack<T>(
