@@ -16,6 +16,7 @@
 mod cull;
 mod mesh;
 mod patch;
+mod refine;
 mod seams;
 mod select;
 mod solid_angle;
@@ -26,6 +27,7 @@ mod walk;
 pub use cull::{Frustum, cull};
 pub use mesh::{ElevationLayer, Heights, Lattice, MAX_ELEVATION_LAYERS, MeshError, Vertex, build};
 pub use patch::{LATTICE_STEPS, MAX_REFINEMENT, Patch, PatchError};
+pub use refine::*;
 pub use seams::{DataLevels, NO_DATA, Seams, seams};
 pub use select::{EdgeNeighbour, HeightRanges, LodLimits, LodView, Relief, Selection, select};
 pub use walk::{Walk, Walker};

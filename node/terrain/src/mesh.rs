@@ -1,5 +1,5 @@
 //! The vertices of one leaf.
-//! In: a tile, elevation layers with their seams, a patch, how layers fuse. Out: vertices in exact fixed point,
+//! In: a tile, elevation layers with their seams, lattice nodes, how layers fuse. Out: vertices in exact fixed point,
 //! and their range of heights. Samples are exact integer arithmetic and go through one function of the place,
 //! so that all leaves that share a vertex make the same bits of it. It draws nothing and waits for nothing.
 
@@ -8,7 +8,6 @@ use geodesy::{CELLS, Ellipsoid, NODES, Tile, st_to_uv};
 use glam::DVec3;
 use thiserror::Error;
 
-use crate::patch::Patch;
 use crate::seams::DataLevels;
 use crate::source::LayerSources;
 
@@ -49,6 +48,23 @@ impl Vertex {
             *target = byte;
         }
         bytes
+    }
+
+    /// A vertex as [`Vertex::to_bytes`] wrote it; `None` where these are not [`Vertex::BYTES`] bytes.
+    #[must_use]
+    pub fn from_bytes(bytes: &[u8]) -> Option<Self> {
+        let bytes: &[u8; Self::BYTES] = bytes.try_into().ok()?;
+        let (words, _) = bytes.as_chunks::<4>();
+        let [x0, x1, y0, y1, z0, z1, normal_xy, normal_z, lattice] = *words else {
+            return None;
+        };
+        let halves = |[a, b, c, d]: [u8; 4]| [[a, b], [c, d]];
+        let ([nx, ny], [nz, nw]) = (halves(normal_xy), halves(normal_z));
+        Some(Self {
+            position: [x0, x1, y0, y1, z0, z1].map(u32::from_le_bytes),
+            normal: [nx, ny, nz, nw].map(i16::from_le_bytes),
+            lattice: halves(lattice).map(u16::from_le_bytes),
+        })
     }
 
     /// The position.
@@ -119,7 +135,10 @@ pub enum MeshError {
     },
 }
 
-/// Builds the vertices of `tile`, one for each of `patch.positions` and in their order, onto the end of `out`.
+/// Builds the vertices of `tile`, one for each of `positions` and in their order, onto the end of `out`.
+///
+/// Positions are lattice nodes (i along u, j along v), each 0…256, as those of a [`Patch`](crate::Patch) or of
+/// [`border_positions`](crate::border_positions). A run of them with the same j costs the least.
 ///
 /// At each vertex every layer gives a sample in its own quanta. At inner vertices it is the layer's data of
 /// level `levels.inside`: the tile's own or an ancestor's. Border vertices take the level that `levels` gives
@@ -138,7 +157,7 @@ pub fn build<'a>(
     ellipsoid: &Ellipsoid,
     tile: Tile,
     layers: &[ElevationLayer<'a>],
-    patch: &Patch,
+    positions: &[[u16; 2]],
     fuse: &dyn Fn(DVec3, &[Option<i32>]) -> f64,
     out: &mut Vec<Vertex>,
 ) -> Result<Heights, MeshError> {
@@ -153,11 +172,11 @@ pub fn build<'a>(
     let axes = Axes::new(tile);
     let (mut lowest_m, mut highest_m) = (f64::INFINITY, f64::NEG_INFINITY);
     let before = out.len();
-    out.reserve(patch.positions.len());
+    out.reserve(positions.len());
     let [right, up, outward] = tile.face().frame();
     let mut row = u16::MAX;
     let mut row_start = outward;
-    for &[i, j] in &patch.positions {
+    for &[i, j] in positions {
         if j != row {
             row = j;
             row_start = outward + up * axes.v(j);

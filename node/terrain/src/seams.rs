@@ -70,13 +70,14 @@ impl Seams {
 /// The seams of a leaf. `shown_level` tells which level of elevation data a leaf shows: its own, an
 /// ancestor's, or `None` for no data. It is asked for the leaf and each leaf around it.
 ///
+/// A leaf that is not to count answers with the asking leaf's own level: then that leaf's data decides.
+///
 /// For a picture that is the same on every node, `shown_level` must answer for a leaf that this node
 /// culled with the level it would show once loaded, as the index of the data tells.
 #[must_use]
 pub fn seams(leaf: Tile, selection: &Selection, shown_level: &dyn Fn(Tile) -> Option<u8>) -> Seams {
     let shown = |tile: Tile| {
-        let level = shown_level(tile).map(|level| level.min(tile.level()));
-        level
+        shown_level(tile)
             .and_then(|level| i8::try_from(level).ok())
             .unwrap_or(NO_DATA)
     };

@@ -50,9 +50,9 @@ pub struct Walker {
 }
 
 impl Walker {
-    /// Adds the triangles of one mesh: triples of indices into `vertices`. Triples with an index out of range
-    /// are counted as degenerate.
-    pub fn add(&mut self, vertices: &[Vertex], indices: &[u16]) {
+    /// Adds the triangles of one mesh: triples of indices (`u16` or `u32`) into `vertices`. Triples with an index out
+    /// of range are counted as degenerate.
+    pub fn add<I: Copy + Into<u32>>(&mut self, vertices: &[Vertex], indices: &[I]) {
         let numbers: Vec<u32> = vertices
             .iter()
             .map(|vertex| {
@@ -61,7 +61,7 @@ impl Walker {
             })
             .collect();
         for triangle in indices.chunks(3) {
-            let corner = |n: usize| numbers.get(usize::from(*triangle.get(n)?)).copied();
+            let corner = |n: usize| numbers.get((*triangle.get(n)?).into() as usize).copied();
             match (corner(0), corner(1), corner(2)) {
                 (Some(a), Some(b), Some(c)) if a != b && b != c && c != a => {
                     self.triangles += 1;

@@ -86,7 +86,15 @@ fn mesh(
         })
         .collect();
     let mut vertices = Vec::new();
-    build(ellipsoid, leaf, &elevation, patch, fuse, &mut vertices).unwrap();
+    build(
+        ellipsoid,
+        leaf,
+        &elevation,
+        &patch.positions,
+        fuse,
+        &mut vertices,
+    )
+    .unwrap();
     (vertices, own[0].variant)
 }
 
@@ -351,7 +359,15 @@ fn the_fuse_function_gets_each_layers_sample_and_the_normal() {
     };
     let patch = Patch::new(7).unwrap();
     let mut vertices = Vec::new();
-    let heights = build(&ellipsoid, leaf, &layers, &patch, &fuse, &mut vertices).unwrap();
+    let heights = build(
+        &ellipsoid,
+        leaf,
+        &layers,
+        &patch.positions,
+        &fuse,
+        &mut vertices,
+    )
+    .unwrap();
     let calls = calls.take();
     assert_eq!(calls.len(), vertices.len());
     assert_eq!(heights.lowest_m, 0.25);
@@ -399,7 +415,7 @@ fn refusals_leave_nothing_behind() {
             &earth,
             leaf,
             &vec![layer; count],
-            &patch,
+            &patch.positions,
             fuse,
             &mut vertices,
         );

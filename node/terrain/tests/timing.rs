@@ -122,6 +122,12 @@ fn times() {
             );
         }
     }
+    let references: Vec<i32> = (0..256).collect();
+    let anchors_us = fastest_us(|| {
+        let words = terrain::anchors(&earth, tile, &references, 0.25);
+        assert!(!words.is_empty());
+    });
+    println!("anchors {anchors_us:.0} us");
     let hull_us = fastest_us(|| {
         let mut sum = DVec3::ZERO;
         for x in 0..100 {

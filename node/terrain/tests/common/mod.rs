@@ -155,5 +155,5 @@ pub fn build_one<'a>(
         data: &|tile| data(tile).map(|lattice| lattice as &dyn Lattice),
     };
     let fuse = |_: DVec3, samples: &[Option<i32>]| f64::from(samples[0].unwrap_or(0)) * quantum_m;
-    build(ellipsoid, tile, &[layer], patch, &fuse, out)
+    build(ellipsoid, tile, &[layer], &patch.positions, &fuse, out)
 }
