@@ -11,7 +11,7 @@ DATA      := out/data
 # What decides the bytes of a repository: when it changes, the data is imported anew.
 IMPORTER  := $(wildcard node/import/src/*.rs node/import/src/*/*.rs node/tiles/src/*.rs protocol/geodesy/src/*.rs)
 
-.PHONY: help setup build data demo layers picture test bench lint clean
+.PHONY: help setup build data demo layers picture test bench refine lint clean
 
 help: ## lists these targets
 	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-8s %s\n", $$1, $$2 }' Makefile
@@ -86,8 +86,11 @@ test: ## all tests, with a GPU (a software driver will do) required
 	@$(MAKE) --no-print-directory data
 	REQUIRE_GPU=1 cargo test --release --workspace --locked
 
-bench: setup data ## measures swap skew, cold starts, frame times and imports; plots in out/bench
+bench: setup data ## measures swap skew, cold starts, frame times, meshes and imports; plots in out/bench
 	$(TERRAWALL) bench all
+
+refine: setup data ## measures refined meshes beside brute force over a zoom and changes, in full; plots in out/bench
+	$(TERRAWALL) bench refine
 
 lint: ## format check, and clippy with warnings denied
 	cargo fmt --all --check

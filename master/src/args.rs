@@ -5,7 +5,9 @@
 
 mod control;
 mod import;
+mod refine;
 mod values;
+mod verify;
 
 use std::net::SocketAddr;
 use std::path::PathBuf;
@@ -14,8 +16,10 @@ use clap::{Args as ArgumentGroup, Parser, Subcommand};
 
 pub(crate) use control::{Control, Set};
 pub(crate) use import::{ByteOrder, DataKind, Import, Planet, RawType, Registration};
+pub(crate) use refine::{BenchRefine, RefineMethod};
 pub(crate) use values::{Position, Size};
 use values::{frames_per_second, seconds};
+pub(crate) use verify::Verify;
 
 /// Renders the real Earth on walls of many displays, in step.
 ///
@@ -44,7 +48,8 @@ pub(crate) enum Command {
     Import(Import),
     /// Validates a wall file, explains what is wrong or odd, and draws a plan of the room
     Check(Check),
-    /// Renders a wall tiled and as one picture, and compares the pixels
+    /// Renders a wall tiled and as one picture, and compares the pixels; with --error, measures how far the drawn
+    /// surface is from the data
     Verify(Verify),
     /// Tells what is in a repository or a tile, checksums and single values included
     Inspect(Inspect),
@@ -77,15 +82,26 @@ pub(crate) struct Show {
     /// as a PNG and the composed wall as wall.png into this directory
     #[arg(long, value_name = "DIR")]
     pub(crate) capture: Option<PathBuf>,
-    /// Write what was measured as JSON
+    /// Write what was measured as JSON; at the end every node measures the error of its last picture for it, which may
+    /// take seconds
     #[arg(long, value_name = "FILE")]
     pub(crate) report: Option<PathBuf>,
-    /// Print what was measured as JSON on standard output
+    /// Print the same as JSON on standard output
     #[arg(long)]
     pub(crate) json: bool,
+    /// Leave the error of the last picture unmeasured, and the run ends at once
+    #[arg(long)]
+    pub(crate) no_error: bool,
     /// Who may change the scene while it is shown.
     #[command(flatten)]
     pub(crate) control: Control,
+}
+
+impl Show {
+    /// Whether somebody will read the error of the last picture.
+    pub(crate) fn wants_error(&self) -> bool {
+        (self.report.is_some() || self.json) && !self.no_error
+    }
 }
 
 /// `terrawall up`
@@ -155,28 +171,6 @@ pub(crate) struct Check {
     pub(crate) json: bool,
 }
 
-/// `terrawall verify`
-#[derive(Debug, ArgumentGroup)]
-pub(crate) struct Verify {
-    /// Wall file; its screens must be planar
-    pub(crate) wall: PathBuf,
-    /// Scene file; its camera is held at its first pose
-    #[arg(long, value_name = "FILE")]
-    pub(crate) scene: PathBuf,
-    /// Write pixels, differing and max_channel_difference as JSON
-    #[arg(long, value_name = "FILE")]
-    pub(crate) report: Option<PathBuf>,
-    /// Print the same as JSON on standard output
-    #[arg(long)]
-    pub(crate) json: bool,
-    /// Write a picture of the differences, white where pixels differ
-    #[arg(long, value_name = "PNG")]
-    pub(crate) difference: Option<PathBuf>,
-    /// Keep the two pictures, tiled/ and single/, in this directory
-    #[arg(long, value_name = "DIR")]
-    pub(crate) keep: Option<PathBuf>,
-}
-
 /// `terrawall inspect`
 #[derive(Debug, ArgumentGroup)]
 pub(crate) struct Inspect {
@@ -205,6 +199,8 @@ pub(crate) enum Bench {
     Frame(BenchFrame),
     /// Tiles a second of every processing stage, beside copies of the same bytes on the same adapter
     Process(BenchProcess),
+    /// Cost, triangles and error of refined meshes over a zoom and changes of elevation, beside brute force
+    Refine(BenchRefine),
     /// CPU time and bytes of imports, beside gdal2tiles where GDAL is installed
     Import(BenchImport),
     /// All of the above, with plots
@@ -370,6 +366,16 @@ mod tests {
             ),
             ("import a.png --into o --kind relief", "elevation"),
             ("bench sync --size 96", "WIDTHxHEIGHT"),
+            ("verify w.toml --scene s.toml --views 9", "--error"),
+            ("verify w.toml --scene s.toml --seed 9", "--error"),
+            (
+                "verify w.toml --scene s.toml --error --views 0",
+                "1..=1000000",
+            ),
+            (
+                "verify w.toml --scene s.toml --error --keep d",
+                "cannot be used with",
+            ),
             ("up w.toml --scene s.toml --fps 0", "frames per second"),
             ("up w.toml", "--scene"),
             ("up w.toml --scene s.toml --control 4680", "--control"),

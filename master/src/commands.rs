@@ -4,6 +4,7 @@ mod bench;
 mod bench_frame;
 mod bench_import;
 mod bench_process;
+mod bench_refine;
 mod bench_starts;
 mod check;
 mod control;

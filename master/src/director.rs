@@ -125,6 +125,11 @@ impl Director {
         self.coming.get(&number).unwrap_or(&self.showing)
     }
 
+    /// The shown scene.
+    pub(crate) fn scene(&self) -> &Scene {
+        &self.showing.scene
+    }
+
     /// The shown scene as nodes are sent it.
     pub(crate) fn encoded_scene(&self) -> &Bytes {
         &self.showing.encoded

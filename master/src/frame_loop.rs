@@ -5,6 +5,7 @@
 
 mod captures;
 mod changes;
+mod errors;
 mod frames;
 mod nodes;
 
@@ -27,6 +28,7 @@ use crate::events::{ConnectionId, Event};
 use crate::master::{MasterError, MasterOutcome, Plan};
 use crate::notice::NoticeSender;
 use crate::session::{Bytes, NodeLink};
+use errors::Measuring;
 
 /// Events handled before time is looked at again.
 const MOST_EVENTS_AT_ONCE: usize = 1_024;
@@ -50,6 +52,8 @@ enum Phase {
     Settling { capture: Capture, since_us: i64 },
     /// The last frame is out; its reports come in.
     LastReports { until_us: i64 },
+    /// No frame follows; nodes measure the error of the picture that stands.
+    Measuring(Measuring),
     /// Nodes have been sent home.
     Leaving { until_us: i64 },
 }
@@ -79,6 +83,7 @@ pub(crate) struct FrameLoop {
     view: Option<Bytes>,
     shutdown: Bytes,
     ask_for_pictures: Bytes,
+    ask_for_error: Bytes,
     /// Frames whose presentations are measured: from the first, up to the last once it is known.
     measured: Option<(u64, u64)>,
     notice_due_us: i64,
@@ -123,6 +128,7 @@ impl FrameLoop {
             view: None,
             shutdown: Arc::from(encode_to_node(&ToNode::Shutdown)?),
             ask_for_pictures: Arc::from(encode_to_node(&ToNode::Capture { id: Capture::ID })?),
+            ask_for_error: Arc::from(encode_to_node(&ToNode::MeasureError)?),
             measured: None,
             notice_due_us: 0,
             captures: None,
@@ -183,6 +189,7 @@ impl FrameLoop {
                 .notice_due_us
                 .min(since_us.saturating_add(us(self.plan.capture_timeout))),
             Phase::LastReports { until_us } | Phase::Leaving { until_us } => *until_us,
+            Phase::Measuring(measuring) => self.notice_due_us.min(measuring.until_us),
         };
         let barrier = self.barrier.as_ref().filter(|_| self.frames_go_on());
         let moments_us = [
@@ -198,7 +205,10 @@ impl FrameLoop {
         match &self.phase {
             Phase::WarmingUp | Phase::Running { .. } => true,
             Phase::Settling { capture, .. } => !capture.is_asked(),
-            Phase::Gathering | Phase::LastReports { .. } | Phase::Leaving { .. } => false,
+            Phase::Gathering
+            | Phase::LastReports { .. }
+            | Phase::Measuring(_)
+            | Phase::Leaving { .. } => false,
         }
     }
 
@@ -216,7 +226,8 @@ impl FrameLoop {
             }
             Phase::Gathering => self.open(passed(self.plan.start_after), now_us),
             Phase::Settling { .. } => self.settle(now_us),
-            Phase::LastReports { until_us } if now_us >= *until_us => self.send_home(now_us),
+            Phase::LastReports { until_us } if now_us >= *until_us => self.measure_error(now_us),
+            Phase::Measuring(_) => self.await_errors(now_us),
             Phase::Leaving { until_us } => {
                 self.over = now_us >= *until_us || self.links.iter().all(Option::is_none);
             }
@@ -252,13 +263,15 @@ impl FrameLoop {
     }
 
     fn stop(&mut self) {
-        if !matches!(
-            self.phase,
-            Phase::LastReports { .. } | Phase::Leaving { .. }
-        ) {
-            self.stopped = true;
-            let until_us = link::now_us() + LAST_REPORTS_US;
-            self.phase = Phase::LastReports { until_us };
+        match self.phase {
+            Phase::LastReports { .. } | Phase::Leaving { .. } => {}
+            // All frames were shown, and nobody is waited for any longer.
+            Phase::Measuring(_) => self.give_up_errors("the run was stopped"),
+            _ => {
+                self.stopped = true;
+                let until_us = link::now_us() + LAST_REPORTS_US;
+                self.phase = Phase::LastReports { until_us };
+            }
         }
     }
 

@@ -40,12 +40,16 @@ pub struct MasterOptions {
     pub frames: Option<u64>,
     /// At the end, hold the camera, wait until every node has converged, and take the pictures.
     pub capture: bool,
+    /// At the end, let every node measure the error of its last picture for the report.
+    pub measure_error: bool,
     /// Start with whoever is there after this time; `None`: wait for the whole wall.
     pub start_after: Option<Duration>,
     /// Give up if the wall has not started by then; `None`: never.
     pub start_timeout: Option<Duration>,
     /// Give up if the pictures are not complete this long after the last frame.
     pub capture_timeout: Duration,
+    /// Go without the errors that are not measured this long after the last frame; the report names those nodes.
+    pub measure_timeout: Duration,
     /// Where the scene can be read and changed while it is shown; `None`: nowhere.
     pub control: Option<ControlOptions>,
     /// Whether the control API takes a free port where the asked one is taken.
@@ -57,7 +61,7 @@ pub struct MasterOptions {
 
 impl MasterOptions {
     /// The usual options: the whole wall within a minute, frames without end, no capture, captures
-    /// within a minute, no control API.
+    /// within a minute, no measuring, no control API.
     #[must_use]
     pub fn new(wall: Wall, scene: Scene, identity: Identity, bind: SocketAddr) -> Self {
         Self {
@@ -68,9 +72,11 @@ impl MasterOptions {
             fps: None,
             frames: None,
             capture: false,
+            measure_error: false,
             start_after: None,
             start_timeout: Some(Duration::from_secs(60)),
             capture_timeout: Duration::from_secs(60),
+            measure_timeout: Duration::from_secs(20),
             control: None,
             any_control_port: false,
             scene_directory: None,
@@ -195,9 +201,11 @@ impl Master {
         let plan = Plan {
             frames: options.frames,
             capture: options.capture,
+            measure_error: options.measure_error,
             start_after: options.start_after,
             start_timeout: options.start_timeout,
             capture_timeout: options.capture_timeout,
+            measure_timeout: options.measure_timeout,
         };
         let frame_loop = FrameLoop::new(Arc::clone(&wall), director, session, plan, notices)?;
         let frame_loop = std::thread::Builder::new()
@@ -315,9 +323,11 @@ impl Drop for Master {
 pub(crate) struct Plan {
     pub(crate) frames: Option<u64>,
     pub(crate) capture: bool,
+    pub(crate) measure_error: bool,
     pub(crate) start_after: Option<Duration>,
     pub(crate) start_timeout: Option<Duration>,
     pub(crate) capture_timeout: Duration,
+    pub(crate) measure_timeout: Duration,
 }
 
 /// A number that no other run of a master has had: nodes give it back in their hello.

@@ -80,6 +80,12 @@ pub enum Notice {
         /// Whom it waits for and why.
         waits_for: Vec<String>,
     },
+    /// The run is over but for the error of the last picture, which nodes measure; about once a second from the first
+    /// second on.
+    Measuring {
+        /// Nodes that have not answered.
+        waits_for: Vec<String>,
+    },
     /// A change of the scene is shown from the next frame on.
     ChangeShown {
         /// Its number.

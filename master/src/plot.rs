@@ -24,7 +24,7 @@ pub(crate) struct Series {
     pub(crate) points: Vec<(f64, f64)>,
 }
 
-/// A plot with axes that begin at zero on the left and below.
+/// A plot whose axes begin at zero on the left and, where it is not logarithmic, below.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Plot {
     /// What it shows.
@@ -37,20 +37,112 @@ pub(crate) struct Plot {
     pub(crate) series: Vec<Series>,
 }
 
+/// An axis: where its ticks are, and how values lie between its ends.
+#[derive(Debug, Clone, PartialEq)]
+struct Axis {
+    ticks: Vec<f64>,
+    /// Digits after the point that tell ticks apart; none: as many as each tick has.
+    digits: Option<usize>,
+    first: f64,
+    last: f64,
+    logarithmic: bool,
+}
+
+impl Axis {
+    /// From zero to the highest value or beyond.
+    fn linear(highest: f64) -> Self {
+        let (step, end) = axis(highest);
+        let count = (end / step * 1.000_001) as u32;
+        let digits = if step < 1.0 {
+            (-step.log10()).ceil() as usize
+        } else {
+            0
+        };
+        Self {
+            ticks: (0..=count).map(|index| step * f64::from(index)).collect(),
+            digits: Some(digits),
+            first: 0.0,
+            last: end,
+            logarithmic: false,
+        }
+    }
+
+    /// Around all values above zero, with ticks at 1, 2 and 5 times powers of ten.
+    fn logarithmic(values: impl Iterator<Item = f64>) -> Self {
+        let (lowest, highest) = values
+            .filter(|value| value.is_finite() && *value > 0.0)
+            .fold((f64::INFINITY, 0.0_f64), |(low, high), value| {
+                (low.min(value), high.max(value))
+            });
+        let (lowest, highest) = if highest > 0.0 {
+            (lowest, highest)
+        } else {
+            (1.0, 1.0)
+        };
+        let powers = (lowest.log10().floor() as i32)..=(highest.log10().floor() as i32 + 1);
+        let ticks: Vec<f64> = powers
+            .flat_map(|power| [1.0, 2.0, 5.0].map(|step| step * 10.0_f64.powi(power)))
+            .collect();
+        // The nearest ticks on either side of all values, and never just one.
+        let first = ticks.iter().rposition(|tick| *tick <= lowest).unwrap_or(0);
+        let last = ticks
+            .iter()
+            .position(|tick| *tick >= highest)
+            .unwrap_or(ticks.len() - 1)
+            .max(first + 1);
+        let ticks: Vec<f64> = ticks.into_iter().take(last + 1).skip(first).collect();
+        Self {
+            first: ticks.first().copied().unwrap_or(1.0),
+            last: ticks.last().copied().unwrap_or(10.0),
+            ticks,
+            digits: None,
+            logarithmic: true,
+        }
+    }
+
+    /// Where a value lies: 0 at the first end, 1 at the last; no number where a logarithmic axis has no place for it.
+    fn share(&self, value: f64) -> f64 {
+        if self.logarithmic {
+            (value / self.first).ln() / (self.last / self.first).ln()
+        } else {
+            (value - self.first) / (self.last - self.first)
+        }
+    }
+
+    fn label(&self, tick: f64) -> String {
+        match self.digits {
+            Some(digits) => format!("{tick:.digits$}"),
+            None => format!("{}", (tick * 1e9).round() / 1e9),
+        }
+    }
+}
+
 impl Plot {
     /// The SVG file.
     pub(crate) fn svg(&self) -> String {
-        let points = || self.series.iter().flat_map(|series| &series.points);
-        let extent = |pick: fn(&(f64, f64)) -> f64| {
-            points()
-                .map(pick)
-                .filter(|value| value.is_finite())
-                .fold(0.0_f64, f64::max)
-        };
-        let (x_step, x_end) = axis(extent(|point| point.0));
-        let (y_step, y_end) = axis(extent(|point| point.1));
-        let x_at = |x: f64| LEFT + x / x_end * (WIDTH - LEFT - RIGHT);
-        let y_at = |y: f64| HEIGHT - BOTTOM - y / y_end * (HEIGHT - TOP - BOTTOM);
+        let highest = self
+            .values(|point| point.1)
+            .filter(|value| value.is_finite());
+        self.draw(&Axis::linear(highest.fold(0.0, f64::max)))
+    }
+
+    /// The SVG file with a logarithmic vertical axis. Values that are not above zero break the line.
+    pub(crate) fn svg_logarithmic(&self) -> String {
+        self.draw(&Axis::logarithmic(self.values(|point| point.1)))
+    }
+
+    fn values(&self, pick: fn(&(f64, f64)) -> f64) -> impl Iterator<Item = f64> {
+        let points = self.series.iter().flat_map(|series| &series.points);
+        points.map(pick)
+    }
+
+    fn draw(&self, y_axis: &Axis) -> String {
+        let highest = self
+            .values(|point| point.0)
+            .filter(|value| value.is_finite());
+        let x_axis = Axis::linear(highest.fold(0.0, f64::max));
+        let x_at = |x: f64| LEFT + x_axis.share(x) * (WIDTH - LEFT - RIGHT);
+        let y_at = |y: f64| HEIGHT - BOTTOM - y_axis.share(y) * (HEIGHT - TOP - BOTTOM);
 
         let mut svg = format!(
             "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{WIDTH}\" height=\"{HEIGHT}\" \
@@ -59,10 +151,8 @@ impl Plot {
              <text x=\"{LEFT}\" y=\"18\" font-size=\"15\">{}</text>\n",
             escape(&self.title)
         );
-        for (step, end, horizontal) in [(x_step, x_end, false), (y_step, y_end, true)] {
-            let mut index = 0;
-            while step * f64::from(index) <= end * 1.000_001 {
-                let value = step * f64::from(index);
+        for (axis, horizontal) in [(&x_axis, false), (y_axis, true)] {
+            for &value in &axis.ticks {
                 let (x1, y1, x2, y2) = if horizontal {
                     (LEFT, y_at(value), WIDTH - RIGHT, y_at(value))
                 } else {
@@ -77,16 +167,11 @@ impl Plot {
                 } else {
                     (x1, HEIGHT - BOTTOM + 16.0, "middle")
                 };
-                let digits = if step < 1.0 {
-                    (-step.log10()).ceil() as usize
-                } else {
-                    0
-                };
                 let _ = writeln!(
                     svg,
-                    "<text x=\"{x:.1}\" y=\"{y:.1}\" text-anchor=\"{anchor}\">{value:.digits$}</text>"
+                    "<text x=\"{x:.1}\" y=\"{y:.1}\" text-anchor=\"{anchor}\">{}</text>",
+                    axis.label(value)
                 );
-                index += 1;
             }
         }
         let _ = writeln!(
@@ -103,7 +188,7 @@ impl Plot {
         for (series, colour) in self.series.iter().zip(COLOURS.iter().cycle()) {
             for run in series
                 .points
-                .split(|(x, y)| !x.is_finite() || !y.is_finite())
+                .split(|(x, y)| !x_at(*x).is_finite() || !y_at(*y).is_finite())
             {
                 if !run.is_empty() {
                     let path: Vec<String> = run
@@ -114,6 +199,15 @@ impl Plot {
                         svg,
                         "<polyline points=\"{}\" fill=\"none\" stroke=\"{colour}\" stroke-width=\"1\"/>",
                         path.join(" ")
+                    );
+                }
+                // A line needs two points to be seen.
+                if let [(x, y)] = run {
+                    let _ = writeln!(
+                        svg,
+                        "<circle cx=\"{:.1}\" cy=\"{:.1}\" r=\"2\" fill=\"{colour}\"/>",
+                        x_at(*x),
+                        y_at(*y)
                     );
                 }
             }
@@ -184,5 +278,46 @@ mod tests {
         let svg = plot.svg();
         assert_eq!(svg.matches("<polyline").count(), 2);
         assert!(svg.contains("a &lt; b") && !svg.contains("NaN"));
+    }
+
+    #[test]
+    fn logarithmic_axes_hold_all_values_between_round_ticks() {
+        for (values, first, last) in [
+            (vec![0.3, 7.0, 45.0], 0.2, 50.0),
+            (vec![1.0], 1.0, 2.0),
+            (vec![10.0, 1000.0], 10.0, 1000.0),
+            (vec![0.0, f64::NAN, 3.0], 2.0, 5.0),
+            (vec![], 1.0, 2.0),
+        ] {
+            let axis = Axis::logarithmic(values.iter().copied());
+            assert!(
+                (axis.first / first - 1.0).abs() < 1e-9,
+                "{values:?}: {axis:?}"
+            );
+            assert!(
+                (axis.last / last - 1.0).abs() < 1e-9,
+                "{values:?}: {axis:?}"
+            );
+            assert_eq!(axis.share(axis.first), 0.0);
+            assert_eq!(axis.share(axis.last), 1.0);
+        }
+        let axis = Axis::logarithmic([0.02, 3e4].into_iter());
+        assert_eq!(axis.label(axis.ticks[0]), "0.02");
+        assert_eq!(axis.label(axis.last), "50000");
+    }
+
+    #[test]
+    fn what_a_logarithmic_axis_cannot_show_breaks_the_line() {
+        let plot = Plot {
+            series: vec![Series {
+                name: "s".into(),
+                points: vec![(0.0, 1.0), (1.0, 0.0), (2.0, 30.0), (3.0, 90.0)],
+            }],
+            ..Plot::default()
+        };
+        let svg = plot.svg_logarithmic();
+        assert_eq!(svg.matches("<polyline").count(), 2);
+        assert_eq!(svg.matches("<circle").count(), 1);
+        assert!(!svg.contains("NaN") && !svg.contains("inf"));
     }
 }

@@ -11,6 +11,8 @@
 
 #[path = "cluster/changes.rs"]
 mod changes;
+#[path = "cluster/errors.rs"]
+mod errors;
 mod http;
 mod support;
 

@@ -243,6 +243,38 @@ fn whatever_is_wrong_is_told_with_its_path_and_changes_nothing() {
     );
 }
 
+#[test]
+fn how_the_surface_is_meshed_is_changed_like_everything_else() {
+    let running = start();
+    let before = get(running.address).body["scene"]["mesh"].clone();
+    assert_eq!(
+        (&before["refine"], &before["tau"], &before["wireframe"]),
+        (&json!("top-down"), &json!(1.0), &json!(false))
+    );
+    let change = json!({ "mesh": { "refine": "bottom-up", "tau": 0.5, "wireframe": true } });
+    assert_eq!(patch(running.address, &change).revision(), 2);
+    let mut expected = before;
+    expected["refine"] = json!("bottom-up");
+    expected["tau"] = json!(0.5);
+    expected["wireframe"] = json!(true);
+    assert_eq!(get(running.address).body["scene"]["mesh"], expected);
+    for (tau, advice) in [
+        (json!(0), "0.05…100"),
+        (json!(-1.0), "0.05…100"),
+        (json!(1e6), "0.05…100"),
+        (json!("fine"), "a number"),
+    ] {
+        let refused = patch(running.address, &json!({ "mesh": { "tau": tau } }));
+        assert_eq!(refused.status, 422, "{tau}");
+        let error = refused.body["error"].as_str().unwrap();
+        assert!(
+            error.contains("mesh.tau") && error.contains(advice),
+            "{error}"
+        );
+    }
+    assert_eq!(get(running.address).body["scene"]["mesh"], expected);
+}
+
 /// Method, path, status and a header of requests that must change nothing; a header without value is left out.
 const FOREIGN: &str = r#"PATCH /api/scene 415 Content-Type: text/plain
 PATCH /api/scene 415 Content-Type:

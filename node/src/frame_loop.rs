@@ -4,6 +4,7 @@
 //! frames is decided by [`protocol::follower`] and that of scenes by [`crate::scenes`]; here things are done.
 
 mod frames;
+mod measure;
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -69,6 +70,8 @@ pub(crate) struct FrameLoop {
     priority: Priority,
     rest_until_us: i64,
     counters_due_us: i64,
+    /// The master wants to know the error of the picture that stands.
+    measure_error: bool,
     outcome: NodeOutcome,
     failure: Option<NodeError>,
     leaving: bool,
@@ -99,6 +102,7 @@ impl FrameLoop {
             priority: Priority::of_this_thread(),
             rest_until_us: i64::MIN,
             counters_due_us: i64::MAX,
+            measure_error: false,
             outcome: NodeOutcome::default(),
             failure: None,
             leaving: false,
@@ -137,6 +141,10 @@ impl FrameLoop {
                 }
                 if link::now_us() >= self.counters_due_us {
                     self.tell_counters();
+                }
+                if std::mem::take(&mut self.measure_error) {
+                    self.tell_error();
+                    return Next::Again;
                 }
                 let until_us = (self.counters_due_us != i64::MAX).then_some(self.counters_due_us);
                 return Next::Wait { until_us };
@@ -246,6 +254,8 @@ impl FrameLoop {
         if let Some(id) = inbox.capture {
             self.capture(id);
         }
+        // Not before what has been drawn is presented.
+        self.measure_error |= inbox.measure_error;
         next
     }
 
@@ -263,6 +273,7 @@ impl FrameLoop {
         self.scenes = Scenes::new();
         self.opening = None;
         self.counters_due_us = i64::MAX;
+        self.measure_error = false;
         self.priority.lower();
     }
 

@@ -33,7 +33,7 @@ use session::Session;
 
 pub use digests::DigestError;
 pub use picture::{Drawn, OutputImage, Picture, PictureError, PictureMaker, PictureRequest};
-pub use render::StageTiming;
+pub use render::{ErrorMeasure, PassTime, StageTiming};
 pub use renderer::WallPictureMaker;
 pub use session::SessionError;
 

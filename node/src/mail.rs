@@ -42,6 +42,8 @@ pub(crate) struct Inbox {
     pub(crate) swaps: VecDeque<Arrived<Swap>>,
     /// Send the pictures.
     pub(crate) capture: Option<u32>,
+    /// Measure the error of the picture that stands.
+    pub(crate) measure_error: bool,
     /// Say good-bye and leave.
     pub(crate) leave: bool,
     /// The connection is over; the session looks for a master again.

@@ -1,12 +1,13 @@
-//! What the frame loop needs from a renderer, and nothing else of it.
-//! In: scenes and views. Out: pictures, on screens or as pixels. The renderer implements [`Picture`]; tests
-//! of the wall's step implement it with something cheaper. Nothing here knows GPUs or the network.
+//! What the frame loop and the commands that measure pictures need from a renderer, and nothing else of it.
+//! In: scenes and views. Out: pictures, on screens or as pixels, and their error. The renderer implements [`Picture`];
+//! tests of the wall's step implement it with something cheaper. Nothing here knows GPUs or the network.
 
 use std::sync::Arc;
 use std::time::Duration;
 
 use protocol::message::TileCounters;
 use protocol::{Scene, View, Wall};
+use render::{ErrorMeasure, PassTime};
 use winit::window::Window;
 
 /// Why a picture could not be made. Fatal ones end the node; the others are told to the master, and the
@@ -25,7 +26,7 @@ pub enum PictureError {
 }
 
 /// What became of a view.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Drawn {
     /// Something had to be drawn; `false` if the last picture already shows this view.
     pub redrawn: bool,
@@ -35,6 +36,11 @@ pub struct Drawn {
     pub pending_tiles: u32,
     /// Triangles drawn.
     pub triangles: u64,
+    /// Tiles whose mesh was made for this picture.
+    pub refined_leaves: u32,
+    /// The τ that the meshes keep, in wall pixels: the scene's, or more where the memory for meshes forbids it. 0 where
+    /// none is kept.
+    pub achieved_tau_px: f64,
 }
 
 /// The pixels of one output.
@@ -121,10 +127,92 @@ pub trait Picture {
     /// A failed read-back.
     fn capture(&mut self) -> Result<Vec<OutputImage>, PictureError>;
 
+    /// The error of what was drawn last, over every sample of elevation in view. It reads everything back from the
+    /// device and takes as long as many pictures. Before the first view there are no samples.
+    ///
+    /// # Errors
+    /// Elevation that has left memory since, a failed read-back, an error that is no distance.
+    fn measure_error(&mut self) -> Result<ErrorMeasure, PictureError>;
+
+    /// Triangles of the smallest meshes over the same tiles that would keep τ in what was drawn last. Slower still.
+    ///
+    /// # Errors
+    /// As [`Picture::measure_error`].
+    fn minimum_triangles(&mut self) -> Result<u64, PictureError>;
+
+    /// Whether times of the device's passes are taken from now on. What was taken is dropped.
+    fn time_passes(&mut self, on: bool);
+
+    /// What passes took since the last call, in the order of their running.
+    fn take_pass_times(&mut self) -> Vec<PassTime>;
+
+    /// Height in metres above the ellipsoid of the highest surface of the shown scene at a place in degrees, by its
+    /// finest data. It reads files, and waits for them.
+    ///
+    /// # Errors
+    /// Data that cannot be read.
+    fn ground_height_m(&self, latitude_deg: f64, longitude_deg: f64) -> Result<f64, PictureError>;
+
+    /// Numbers of the finest tiles of every layer of elevation of the scene that was taken last, at most `most`, spread
+    /// over all of them. It reads files, and waits for them.
+    ///
+    /// # Errors
+    /// A repository that cannot be read.
+    fn finest_tiles(&self, most: usize) -> Result<Vec<u64>, PictureError>;
+
     /// What the tile caches have done since the node started.
     fn counters(&self) -> TileCounters;
 
     /// Numbers of tiles used for the first time since the last call, at most `most`; the rest comes with
     /// the next call. A number means the same data set and tile on every node.
     fn take_new_tiles(&mut self, most: usize) -> Vec<u64>;
+}
+
+/// A measure whose numbers are distances: finite and not below 0. Others could not be compared with any τ.
+pub(crate) fn comparable(measure: ErrorMeasure) -> Result<ErrorMeasure, PictureError> {
+    let is_distance = |pixels: f64| pixels.is_finite() && pixels >= 0.0;
+    if is_distance(measure.max_px) && is_distance(measure.tau_px) {
+        return Ok(measure);
+    }
+    let place = measure
+        .worst
+        .map_or("no tile".to_owned(), |(tile, [x, y])| {
+            format!("tile {tile}, node {x}, {y}")
+        });
+    Err(PictureError::Frame(format!(
+        "the error of the picture is {} pixels at {place}, with τ = {}: no distance, a defect of the program",
+        measure.max_px, measure.tau_px
+    )))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_no_distance_is_no_measure() {
+        let measure = ErrorMeasure {
+            max_px: 0.25,
+            samples: 7,
+            tau_px: 0.5,
+            ..ErrorMeasure::default()
+        };
+        assert_eq!(comparable(measure), Ok(measure));
+        for bad in [f64::NAN, f64::INFINITY, -1.0] {
+            let max_px = comparable(ErrorMeasure {
+                max_px: bad,
+                ..measure
+            });
+            let tau_px = comparable(ErrorMeasure {
+                tau_px: bad,
+                ..measure
+            });
+            for refused in [max_px, tau_px] {
+                assert!(
+                    matches!(&refused, Err(PictureError::Frame(reason)) if reason.contains("no distance")),
+                    "{refused:?}"
+                );
+            }
+        }
+    }
 }

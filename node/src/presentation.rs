@@ -82,6 +82,8 @@ impl Arrivals {
             redrawn: waiting.drawn.redrawn,
             triangles: waiting.drawn.triangles,
             converged: waiting.drawn.converged,
+            refined_leaves: waiting.drawn.refined_leaves,
+            achieved_tau_px: waiting.drawn.achieved_tau_px,
         }
     }
 }
@@ -119,6 +121,8 @@ mod tests {
             draw_us: -1,
             drawn: Drawn {
                 triangles: 12,
+                refined_leaves: 5,
+                achieved_tau_px: 1.5,
                 redrawn: true,
                 ..Drawn::default()
             },
@@ -133,6 +137,7 @@ mod tests {
         assert_eq!((told.swap_slack_us, told.view_to_present_us), (700, 2_300));
         assert_eq!((told.view_latency_us, told.draw_us), (90, 0));
         assert_eq!((told.clock_error_us, told.triangles), (u32::MAX, 12));
+        assert_eq!((told.refined_leaves, told.achieved_tau_px), (5, 1.5));
         assert!(told.redrawn && !told.converged);
         let late = arrivals.presented(present(6, 5_000), &waiting, 9_800, 0);
         assert_eq!(late.swap_slack_us, -1_000);

@@ -9,17 +9,20 @@ use std::time::{Duration, Instant};
 
 use glam::{DMat3, DVec3};
 use protocol::message::TileCounters;
-use protocol::scene::Sun;
+use protocol::scene::{LayerKind, Sun};
 use protocol::wall::{Host, Screen};
 use protocol::{Pose, Scene, View, Wall};
 use render::{
-    CacheConfig, ChannelPlan, Gpu, OutputPlan, PixelRect, PlanarScreen, RenderBudget, RenderError,
-    Renderer, StageTiming, TileCache, ViewPoint, WindowSurface, sun_over,
+    CacheConfig, ChannelPlan, ErrorMeasure, Gpu, OutputPlan, PassTime, PixelRect, PlanarScreen,
+    RenderBudget, RenderError, Renderer, StageTiming, TileCache, ViewPoint, WindowSurface,
+    sun_over,
 };
 use winit::event_loop::OwnedDisplayHandle;
 
 use crate::known_scenes::KnownScenes;
-use crate::picture::{Drawn, OutputImage, Picture, PictureError, PictureMaker, PictureRequest};
+use crate::picture::{
+    Drawn, OutputImage, Picture, PictureError, PictureMaker, PictureRequest, comparable,
+};
 use crate::scene_data::scene_data;
 
 const MIB: u64 = 1 << 20;
@@ -34,6 +37,8 @@ pub(crate) struct WallPicture {
     scenes: KnownScenes,
     /// Where the sun of the last view stands in scenes that the camera lights.
     camera_sun: DVec3,
+    /// The elevation of the scene that was taken last.
+    elevation: Vec<PathBuf>,
 }
 
 /// Opens this machine's graphics adapter once, and makes a picture for each wall that the node joins.
@@ -132,6 +137,7 @@ impl WallPicture {
             surfaces,
             scenes: KnownScenes::default(),
             camera_sun: DVec3::X,
+            elevation: Vec::new(),
         })
     }
 
@@ -248,6 +254,15 @@ fn sun_of_camera(pose: &Pose) -> DVec3 {
     shoulder.normalize_or(DVec3::X)
 }
 
+/// The repositories of a scene's layers of elevation.
+fn elevation_of(scene: &Scene) -> Vec<PathBuf> {
+    let layers = scene.layers.iter();
+    layers
+        .filter(|layer| layer.kind() == LayerKind::Elevation)
+        .filter_map(|layer| layer.repository.as_ref().map(PathBuf::from))
+        .collect()
+}
+
 fn frame_error(error: &RenderError) -> PictureError {
     PictureError::Frame(error.to_string())
 }
@@ -272,6 +287,7 @@ impl Picture for WallPicture {
             .prepare_scene(self.scenes.next_number(), data)
             .map_err(|error| PictureError::Scene(error.to_string()))?;
         self.scenes.taken(revision, sun);
+        self.elevation = elevation_of(scene);
         Ok(())
     }
 
@@ -308,6 +324,12 @@ impl Picture for WallPicture {
             converged: statistics.converged,
             pending_tiles: statistics.pending_tiles,
             triangles: statistics.triangles,
+            refined_leaves: if statistics.redrawn {
+                statistics.refined_leaves
+            } else {
+                0
+            },
+            achieved_tau_px: statistics.achieved_tau_px,
         })
     }
 
@@ -342,6 +364,54 @@ impl Picture for WallPicture {
             rgba: picture.rgba,
         });
         Ok(images.collect())
+    }
+
+    fn measure_error(&mut self) -> Result<ErrorMeasure, PictureError> {
+        let measure = self
+            .renderer
+            .measure_error()
+            .map_err(|error| frame_error(&error))?;
+        comparable(measure)
+    }
+
+    fn minimum_triangles(&mut self) -> Result<u64, PictureError> {
+        self.renderer
+            .minimum_triangles()
+            .map_err(|error| frame_error(&error))
+    }
+
+    fn time_passes(&mut self, on: bool) {
+        self.renderer.time_passes(on);
+    }
+
+    fn take_pass_times(&mut self) -> Vec<PassTime> {
+        self.renderer.take_pass_times()
+    }
+
+    fn ground_height_m(&self, latitude_deg: f64, longitude_deg: f64) -> Result<f64, PictureError> {
+        self.renderer
+            .ground_height_m(latitude_deg, longitude_deg)
+            .map_err(|error| frame_error(&error))
+    }
+
+    fn finest_tiles(&self, most: usize) -> Result<Vec<u64>, PictureError> {
+        let cache = self.renderer.cache();
+        let mut finest = Vec::new();
+        for repository in &self.elevation {
+            let id = cache
+                .add_dataset(repository)
+                .map_err(|error| PictureError::Scene(error.to_string()))?;
+            let Some(data) = cache.dataset(id) else {
+                continue;
+            };
+            let deepest = data.index.deepest_level();
+            let tiles = data.index.tiles().into_iter();
+            for tile in tiles.filter(|tile| tile.level() == deepest) {
+                finest.push(tile.id());
+            }
+        }
+        let step = finest.len().div_ceil(most.max(1)).max(1);
+        Ok(finest.into_iter().step_by(step).take(most).collect())
     }
 
     fn counters(&self) -> TileCounters {

@@ -29,6 +29,9 @@ pub(crate) fn scene_data(scene: &Scene, sun: DVec3) -> SceneData {
         relief,
     } = *light;
     let MeshOptions {
+        refine,
+        tau,
+        wireframe,
         refinement,
         tile_px,
         deepest_level,
@@ -43,6 +46,14 @@ pub(crate) fn scene_data(scene: &Scene, sun: DVec3) -> SceneData {
             relief,
         },
         air: air(atmosphere),
+        refine: match refine {
+            scene::Refine::Off => render::Refine::Off,
+            scene::Refine::Fine => render::Refine::Fine,
+            scene::Refine::BottomUp => render::Refine::BottomUp,
+            scene::Refine::TopDown => render::Refine::TopDown,
+        },
+        tau_px: tau,
+        wireframe,
         refinement,
         tile_px,
         deepest_level,

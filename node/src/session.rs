@@ -440,6 +440,7 @@ impl Session {
                 }
             }
             ToNode::Capture { id } => self.mail.deliver(|inbox| inbox.capture = Some(id)),
+            ToNode::MeasureError => self.mail.deliver(|inbox| inbox.measure_error = true),
             ToNode::Shutdown => self.mail.deliver(|inbox| inbox.leave = true),
             ToNode::Challenge { .. } => {
                 return Err(self.misunderstood(DecodeError::Senseless("a second challenge")));

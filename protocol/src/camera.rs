@@ -22,6 +22,20 @@ pub enum Camera {
     Path(Path),
 }
 
+/// Latitude and longitude in degrees of the point (s, t) of a tile, both 0…1 along its sides. `tile` is its number, by
+/// which data sets know it; `None` for numbers of no tile.
+#[must_use]
+pub fn ground_of_tile(tile: u64, [s, t]: [f64; 2]) -> Option<[f64; 2]> {
+    let tile = geodesy::Tile::from_id(tile)?;
+    let side = (1_u64 << tile.level()) as f64;
+    let along = |index: u32, share: f64| geodesy::st_to_uv((f64::from(index) + share) / side);
+    let direction = tile
+        .face()
+        .cube_point(along(tile.x(), s), along(tile.y(), t));
+    let (latitude_deg, longitude_deg) = Ellipsoid::angles_deg(direction.normalize());
+    Some([latitude_deg, longitude_deg])
+}
+
 /// A viewpoint and where it looks.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Place {

@@ -180,8 +180,20 @@ pub fn decode_to_master(bytes: &[u8]) -> Result<ToMaster, DecodeError> {
                 ))
             }
         }
-        ToMaster::CannotPrepare { reason, .. } if reason.len() > MAX_REASON_BYTES => {
+        ToMaster::CannotPrepare { reason, .. } | ToMaster::CannotMeasure { reason }
+            if reason.len() > MAX_REASON_BYTES =>
+        {
             Err(DecodeError::Senseless("a reason of more than 2048 bytes"))
+        }
+        ToMaster::Presented(presented) if !is_length(presented.achieved_tau_px) => Err(
+            DecodeError::Senseless("a frame whose τ is below 0 or not finite"),
+        ),
+        ToMaster::ErrorMeasured(measured)
+            if !(is_length(measured.max_px) && is_length(measured.tau_px)) =>
+        {
+            Err(DecodeError::Senseless(
+                "an error or τ that is below 0 or not finite",
+            ))
         }
         ToMaster::MoveLens(place)
             if !((-90.0..=90.0).contains(&place.latitude_deg)
@@ -193,6 +205,11 @@ pub fn decode_to_master(bytes: &[u8]) -> Result<ToMaster, DecodeError> {
         }
         _ => Ok(message),
     }
+}
+
+/// Whether a number can be a distance in pixels.
+fn is_length(pixels: f64) -> bool {
+    pixels.is_finite() && pixels >= 0.0
 }
 
 fn to_node_limit(message: &ToNode) -> (&'static str, usize) {

@@ -15,12 +15,13 @@ use crate::scene::Scene;
 use crate::wall::Wall;
 
 /// Changes whenever a message changes. Master and nodes must have the same.
-pub const PROTOCOL_VERSION: u32 = 2;
+pub const PROTOCOL_VERSION: u32 = 3;
 
 /// Most new tiles that one [`ToMaster::Counters`] may name.
 pub const MAX_NEW_TILES: usize = 4096;
 
-/// Most bytes of the reason in a [`ToMaster::CannotPrepare`]: the master shows it to people and keeps it.
+/// Most bytes of the reason in a [`ToMaster::CannotPrepare`] or [`ToMaster::CannotMeasure`]: the master shows it to
+/// people and keeps it.
 pub const MAX_REASON_BYTES: usize = 2048;
 
 /// The render state of one frame. Encoded, it never exceeds 1,100 bytes.
@@ -109,6 +110,9 @@ pub enum ToNode {
     },
     /// The run is over: say [`ToMaster::Bye`] and exit.
     Shutdown,
+    /// No frame follows: measure the error of the picture that stands, and say [`ToMaster::ErrorMeasured`] or
+    /// [`ToMaster::CannotMeasure`].
+    MeasureError,
 }
 
 /// What a node says to the master.
@@ -188,6 +192,13 @@ pub enum ToMaster {
     },
     /// A lens is dragged in one of the node's windows.
     MoveLens(MoveLens),
+    /// The error of the picture that stands.
+    ErrorMeasured(ErrorMeasured),
+    /// The error of the picture that stands cannot be measured. See [`ToMaster::cannot_measure`].
+    CannotMeasure {
+        /// A sentence that names the thing and the remedy, at most [`MAX_REASON_BYTES`] bytes.
+        reason: String,
+    },
 }
 
 impl ToMaster {
@@ -195,21 +206,32 @@ impl ToMaster {
     /// characters and ends in "…".
     #[must_use]
     pub fn cannot_prepare(revision: u64, reason: &str) -> Self {
-        const CUT: &str = "…";
-        let reason = if reason.len() <= MAX_REASON_BYTES {
-            reason.to_owned()
-        } else {
-            let room = MAX_REASON_BYTES - CUT.len();
-            let kept = reason
-                .char_indices()
-                .map(|(start, character)| start + character.len_utf8());
-            let end = kept.take_while(|end| *end <= room).last().unwrap_or(0);
-            let mut short = reason.get(..end).unwrap_or_default().to_owned();
-            short.push_str(CUT);
-            short
-        };
+        let reason = shortened(reason);
         Self::CannotPrepare { revision, reason }
     }
+
+    /// That the error of the picture cannot be measured. The reason is cut in the same way.
+    #[must_use]
+    pub fn cannot_measure(reason: &str) -> Self {
+        let reason = shortened(reason);
+        Self::CannotMeasure { reason }
+    }
+}
+
+/// At most [`MAX_REASON_BYTES`] bytes of a reason.
+fn shortened(reason: &str) -> String {
+    const CUT: &str = "…";
+    if reason.len() <= MAX_REASON_BYTES {
+        return reason.to_owned();
+    }
+    let room = MAX_REASON_BYTES - CUT.len();
+    let kept = reason
+        .char_indices()
+        .map(|(start, character)| start + character.len_utf8());
+    let end = kept.take_while(|end| *end <= room).last().unwrap_or(0);
+    let mut short = reason.get(..end).unwrap_or_default().to_owned();
+    short.push_str(CUT);
+    short
 }
 
 /// Who a node is.
@@ -230,7 +252,7 @@ pub struct Hello {
 }
 
 /// How a frame was presented.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Presented {
     /// The epoch of the frame's view.
     pub epoch: u32,
@@ -254,6 +276,25 @@ pub struct Presented {
     pub triangles: u64,
     /// Whether nothing was missing from the picture.
     pub converged: bool,
+    /// Tiles whose mesh was made for this frame.
+    pub refined_leaves: u32,
+    /// The τ that the meshes keep, in wall pixels: the scene's, or more where the memory for meshes forbids it. 0 where
+    /// none is kept.
+    pub achieved_tau_px: f64,
+}
+
+/// The error of a node's picture: over all samples in view, the distance in wall pixels between the sample's true place
+/// and the drawn surface.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ErrorMeasured {
+    /// The largest, ≥ 0.
+    pub max_px: f64,
+    /// Samples that were looked at; 0 where no ground is in view.
+    pub samples: u64,
+    /// Of them, those that no triangle covers. There must be none.
+    pub uncovered: u64,
+    /// The τ that the meshes keep, as [`Presented::achieved_tau_px`].
+    pub tau_px: f64,
 }
 
 /// What the tile caches of a node have done since it started.

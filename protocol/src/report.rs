@@ -2,11 +2,13 @@
 //! In: what the [`Recorder`] has collected. Out: a [`Report`] with stable keys. It writes no file.
 
 mod changes;
+mod error;
 mod recorder;
 mod tally;
 
 use serde::{Deserialize, Serialize};
 
+pub use error::ErrorReport;
 pub use recorder::Recorder;
 
 /// Measurements of a run. Keys are read by other tools: they may be added, never renamed.
@@ -41,6 +43,19 @@ pub struct Report {
     /// What became of changes of the scene. Zeros in reports older than this key.
     #[serde(default)]
     pub changes: ChangeReport,
+    /// The error of the last picture of every node. Nothing was measured in reports older than this key.
+    #[serde(default)]
+    pub error_px: ErrorReport,
+    /// The largest τ in wall pixels that the meshes of any frame kept on any node: the scene's, or more where the
+    /// memory for meshes forbade it. Absent where no frame's meshes kept any.
+    #[serde(default)]
+    pub achieved_tau: Option<f64>,
+    /// Tiles whose meshes were made, over all frames and nodes. All others were used again.
+    #[serde(default)]
+    pub refined_leaves: u64,
+    /// Most triangles that a node drew in a frame.
+    #[serde(default)]
+    pub triangles: Max,
     /// Whether nothing was missing in the last picture of any node.
     pub converged: bool,
     /// Every host of the wall, in its order.

@@ -100,12 +100,40 @@ pub struct Atmosphere {
 /// How finely the surface is drawn.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct MeshOptions {
-    /// Refinement of a tile's patch: 2^refinement squares a side, of four triangles each, 0…7.
+    /// How the mesh of a tile is made.
+    pub refine: Refine,
+    /// How far a sample may be from the drawn surface on the wall, in pixels, 0.05…100. It bounds meshes whose making
+    /// is [`Refine::BottomUp`] or [`Refine::TopDown`].
+    pub tau: f64,
+    /// Draws the edges of triangles and of tiles over the surface.
+    pub wireframe: bool,
+    /// Of [`Refine::Off`] only, the base level: 2^refinement squares a side of a tile, of four triangles each, 0…7.
     pub refinement: u8,
     /// Side of a tile on the wall, in pixels, above which it splits, 16…4096.
     pub tile_px: f64,
     /// The deepest level that is drawn, 0…22.
     pub deepest_level: u8,
+}
+
+/// How the mesh of a tile is made (Lambers 2011, chapter 3).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+pub enum Refine {
+    /// The same squares everywhere, whatever error that leaves.
+    Off,
+    /// Every sample is a vertex.
+    Fine,
+    /// Every mark is tested, short edges first.
+    BottomUp,
+    /// Triangles are split from the coarsest on, where they must be. The mesh is that of [`Refine::BottomUp`].
+    TopDown,
+}
+
+impl Refine {
+    /// Whether τ bounds the error of such meshes.
+    #[must_use]
+    pub fn is_bounded(self) -> bool {
+        matches!(self, Self::BottomUp | Self::TopDown)
+    }
 }
 
 impl Default for Light {
@@ -131,6 +159,9 @@ impl Default for Atmosphere {
 impl Default for MeshOptions {
     fn default() -> Self {
         Self {
+            refine: Refine::TopDown,
+            tau: 1.0,
+            wireframe: false,
             refinement: 3,
             tile_px: 257.0,
             deepest_level: geodesy::MAX_LEVEL,

@@ -9,7 +9,7 @@
 use geodesy::Ellipsoid;
 use glam::DVec3;
 use proptest::prelude::*;
-use protocol::camera::{Camera, Keyframe, Navigator, Orbit, Path, Place, Pose};
+use protocol::camera::{Camera, Keyframe, Navigator, Orbit, Path, Place, Pose, ground_of_tile};
 use protocol::message::{HeldKeys, Steer};
 
 const EARTH: Ellipsoid = Ellipsoid::EARTH;
@@ -409,4 +409,27 @@ proptest! {
             prop_assert!(height >= ground_m + 2.0 - 1e-3 && height < 1.4e8, "{height}");
         }
     }
+}
+
+#[test]
+fn the_ground_of_a_tile_is_where_the_tile_is() {
+    // Whole faces: the north face around its pole, and its corners between two faces around the equator.
+    let [latitude_deg, _] = ground_of_tile(8 + 2, [0.5, 0.5]).unwrap();
+    assert_eq!(latitude_deg, 90.0);
+    let corner_deg = (1.0_f64 / 2.0_f64.sqrt()).atan().to_degrees();
+    for corner in [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]] {
+        let [latitude_deg, longitude_deg] = ground_of_tile(8 + 2, corner).unwrap();
+        assert!((latitude_deg - corner_deg).abs() < 1e-12);
+        assert!((longitude_deg.abs() % 90.0 - 45.0).abs() < 1e-12);
+    }
+    // The middle of any tile lies on its own node 128, 128.
+    for (face, level, x, y) in [(0, 0, 0, 0), (3, 9, 17, 500), (5, 22, 1 << 21, 77)] {
+        let tile = geodesy::Tile::new(face, level, x, y).unwrap();
+        let middle = geodesy::LatticePoint::of_tile(tile, 128, 128).normal();
+        let [latitude_deg, longitude_deg] = ground_of_tile(tile.id(), [0.5, 0.5]).unwrap();
+        let found = Ellipsoid::normal(latitude_deg, longitude_deg);
+        assert!((found - middle).length() < 1e-15, "{tile}");
+    }
+    assert_eq!(ground_of_tile(0, [0.5, 0.5]), None);
+    assert_eq!(ground_of_tile(u64::MAX, [0.5, 0.5]), None);
 }

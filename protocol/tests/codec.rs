@@ -7,6 +7,8 @@
 
 #[path = "codec/changes.rs"]
 mod changes;
+#[path = "codec/errors.rs"]
+mod errors;
 
 use proptest::prelude::*;
 use protocol::capture::CaptureRows;
@@ -15,8 +17,8 @@ use protocol::codec::{
     decode_to_node, decode_view, encode_to_master, encode_to_node, encode_view,
 };
 use protocol::message::{
-    HeldKeys, Hello, MoveLens, PROTOCOL_VERSION, Presented, Steer, Swap, TileCounters, ToMaster,
-    ToNode, View,
+    ErrorMeasured, HeldKeys, Hello, MoveLens, PROTOCOL_VERSION, Presented, Steer, Swap,
+    TileCounters, ToMaster, ToNode, View,
 };
 use protocol::{Pose, Scene, Wall};
 
@@ -53,7 +55,7 @@ fn view(heads: usize) -> View {
 fn a_view_has_these_bytes() {
     // Laid out by hand: version; unsigned integers below 251 as one byte, else 251 and 16 bits, 252 and
     // 32 bits or 253 and 64 bits; signed ones as 2n or −2n−1; floats as 64 bits; little endian.
-    let mut golden = vec![2, 3, 251];
+    let mut golden = vec![3, 3, 251];
     golden.extend(1000_u16.to_le_bytes());
     golden.extend([1, 9]);
     let components = [
@@ -96,7 +98,7 @@ fn control_messages_have_these_bytes() {
         frame: 2,
         present_at_us: 3,
     });
-    assert_eq!(encode_to_node(&swap).unwrap(), [2, 4, 1, 2, 6]);
+    assert_eq!(encode_to_node(&swap).unwrap(), [3, 4, 1, 2, 6]);
     let ready = ToMaster::Ready {
         epoch: 1,
         frame: 300,
@@ -105,13 +107,13 @@ fn control_messages_have_these_bytes() {
     };
     assert_eq!(
         encode_to_master(&ready).unwrap(),
-        [2, 2, 1, 251, 44, 1, 1, 7]
+        [3, 2, 1, 251, 44, 1, 1, 7]
     );
     let ping = ToMaster::ClockPing {
         sequence: 9,
         node_sent_us: -1,
     };
-    assert_eq!(encode_to_master(&ping).unwrap(), [2, 1, 9, 1]);
+    assert_eq!(encode_to_master(&ping).unwrap(), [3, 1, 9, 1]);
 }
 
 #[test]
@@ -190,6 +192,7 @@ fn messages_to_node() -> Vec<ToNode> {
         },
         ToNode::Capture { id: 1 },
         ToNode::Shutdown,
+        ToNode::MeasureError,
     ]
 }
 
@@ -225,6 +228,8 @@ fn messages_to_master() -> Vec<ToMaster> {
             redrawn: true,
             triangles: 9,
             converged: true,
+            refined_leaves: 10,
+            achieved_tau_px: 0.5,
         }),
         ToMaster::CaptureRows(CaptureRows {
             id: 1,
@@ -262,6 +267,15 @@ fn messages_to_master() -> Vec<ToMaster> {
             longitude_deg: 180.0,
             grab: true,
         }),
+        ToMaster::ErrorMeasured(ErrorMeasured {
+            max_px: 0.75,
+            samples: 1 << 40,
+            uncovered: 0,
+            tau_px: 1.0,
+        }),
+        ToMaster::CannotMeasure {
+            reason: "the elevation has left memory".into(),
+        },
     ]
 }
 
@@ -295,15 +309,15 @@ fn caps_hold_both_ways() {
     };
     assert!(encode_to_master(&ToMaster::CaptureRows(rows)).is_err());
     assert!(matches!(
-        decode_to_master(&vec![2; MAX_LARGE_BYTES + 1]),
+        decode_to_master(&vec![3; MAX_LARGE_BYTES + 1]),
         Err(DecodeError::TooLarge { .. })
     ));
     assert!(matches!(
-        decode_view(&[2; MAX_VIEW_BYTES + 1]),
+        decode_view(&[3; MAX_VIEW_BYTES + 1]),
         Err(DecodeError::TooLarge { .. })
     ));
     // A small message may not be padded to a large one by a long text.
-    let mut long = vec![2, 8, 252];
+    let mut long = vec![3, 8, 252];
     long.extend(100_000_u32.to_le_bytes());
     long.extend(std::iter::repeat_n(b'x', 100_000));
     assert!(matches!(
@@ -337,7 +351,7 @@ fn other_versions_and_extra_bytes_are_told_apart() {
         error,
         DecodeError::Version {
             found: 1,
-            expected: 2
+            expected: 3
         }
     ));
     assert!(error.to_string().contains("same version"));
@@ -354,11 +368,11 @@ fn lengths_that_lie_take_no_memory() {
     };
     let view_start = &encode_view(&view(0)).unwrap()[..1 + 1 + 3 + 1 + 1 + 96];
     assert!(decode_view(&huge(view_start)).is_err());
-    assert!(decode_to_master(&huge(&[2, 8])).is_err());
-    assert!(decode_to_master(&huge(&[2, 7, 0, 0, 0, 0, 0])).is_err());
-    assert!(decode_to_master(&huge(&[2, 4, 0, 0, 0])).is_err());
-    assert!(decode_to_master(&huge(&[2, 12, 5])).is_err());
-    assert!(decode_to_node(&huge(&[2, 1, 0])).is_err());
+    assert!(decode_to_master(&huge(&[3, 8])).is_err());
+    assert!(decode_to_master(&huge(&[3, 7, 0, 0, 0, 0, 0])).is_err());
+    assert!(decode_to_master(&huge(&[3, 4, 0, 0, 0])).is_err());
+    assert!(decode_to_master(&huge(&[3, 12, 5])).is_err());
+    assert!(decode_to_node(&huge(&[3, 1, 0])).is_err());
 }
 
 #[test]
@@ -385,16 +399,28 @@ fn walls_and_scenes_from_the_wire_are_checked() {
         Err(DecodeError::Senseless(_))
     ));
     let mut scene = Scene::parse(SCENE, "scene").unwrap();
-    scene.planet.semi_minor_m = f64::NAN;
-    let bytes = encode_to_node(&ToNode::Scene {
-        revision: 1,
-        scene: Box::new(scene),
-    })
-    .unwrap();
-    assert!(matches!(
-        decode_to_node(&bytes),
-        Err(DecodeError::Invalid(_))
-    ));
+    let mut scenes = vec![scene.clone()];
+    scenes[0].planet.semi_minor_m = f64::NAN;
+    for tau in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 0.0, -1.0, 101.0] {
+        scene.mesh.tau = tau;
+        let error = scene.validate().unwrap_err().to_string();
+        assert!(
+            error.contains("mesh.tau") && error.contains("0.05…100"),
+            "{error}"
+        );
+        scenes.push(scene.clone());
+    }
+    for scene in scenes {
+        let bytes = encode_to_node(&ToNode::Scene {
+            revision: 1,
+            scene: Box::new(scene),
+        })
+        .unwrap();
+        assert!(matches!(
+            decode_to_node(&bytes),
+            Err(DecodeError::Invalid(_))
+        ));
+    }
 }
 
 /// Decoding as everything: none of it may panic.
@@ -411,7 +437,7 @@ proptest! {
     fn random_bytes_never_panic(mut bytes in prop::collection::vec(any::<u8>(), 0..600)) {
         decode_all(&bytes);
         if let Some(version) = bytes.first_mut() {
-            *version = 2;
+            *version = 3;
         }
         decode_all(&bytes);
     }

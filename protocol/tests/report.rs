@@ -8,10 +8,12 @@
 
 #[path = "report/changes.rs"]
 mod changes;
+#[path = "report/error.rs"]
+mod error;
 
 use protocol::capture::{CaptureAssembly, CaptureError, MAX_ROW_BYTES, split_rows};
 use protocol::membership::Membership;
-use protocol::message::{Hello, PROTOCOL_VERSION, Presented, TileCounters};
+use protocol::message::{ErrorMeasured, Hello, PROTOCOL_VERSION, Presented, TileCounters};
 use protocol::report::{Recorder, Report};
 use protocol::wall::Wall;
 
@@ -50,6 +52,8 @@ fn presented(frame: u64, presented_us: i64) -> Presented {
         redrawn: true,
         triangles: 1234,
         converged: true,
+        refined_leaves: 3,
+        achieved_tau_px: 0.5,
     }
 }
 
@@ -89,6 +93,15 @@ fn the_report_has_the_keys_that_tools_read() {
     recorder.counters(0, counters, &[1, 2, 3]);
     recorder.counters(1, counters, &[3, 4]);
     recorder.error("a node was killed");
+    recorder.tau(0.5);
+    for (max_px, samples) in [(0.125, 100), (0.375, 50)] {
+        recorder.error_measured(&ErrorMeasured {
+            max_px,
+            samples,
+            uncovered: 0,
+            tau_px: 0.5,
+        });
+    }
     let report = recorder.report(&membership());
     let json: serde_json::Value = serde_json::from_str(&report.to_json().unwrap()).unwrap();
     assert_eq!(json["frames"], 100);
@@ -122,6 +135,14 @@ fn the_report_has_the_keys_that_tools_read() {
         ("/changes/to_converged_us/p50", 10_300.0),
         ("/changes/to_converged_us/p99", 30_300.0),
         ("/changes/to_converged_us/max", 30_300.0),
+        ("/error_px/tau", 0.5),
+        ("/error_px/measured_max", 0.375),
+        ("/error_px/samples", 150.0),
+        ("/error_px/uncovered", 0.0),
+        ("/error_px/views", 2.0),
+        ("/achieved_tau", 0.5),
+        ("/refined_leaves", 1_200.0),
+        ("/triangles/max", 1_234.0),
         ("/nodes/3/frames", 1.0),
         ("/nodes/3/missed_deadlines", 0.0),
         ("/nodes/3/joins", 1.0),

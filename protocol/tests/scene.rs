@@ -7,7 +7,7 @@
 
 use std::path::Path;
 
-use protocol::scene::{LayerKind, Scene, Sun};
+use protocol::scene::{LayerKind, Refine, Scene, Sun};
 use protocol::{Camera, Fault};
 
 const DEMO: &str = include_str!("../../configs/scenes/demo.toml");
@@ -242,6 +242,10 @@ fn optional_parts_have_defaults_and_all_forms_are_read() {
             scene.mesh.deepest_level
         ),
         (3, 257.0, 22)
+    );
+    assert_eq!(
+        (scene.mesh.refine, scene.mesh.tau, scene.mesh.wireframe),
+        (Refine::TopDown, 1.0, false)
     );
     assert!(matches!(scene.camera, Camera::Orbit(_)));
 }

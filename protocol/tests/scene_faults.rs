@@ -20,6 +20,18 @@ const EVERYTHING: &str = include_str!("support/everything.toml");
 
 /// What of that file is replaced | by what (`-`: nothing) | the fault | its key | what the advice says.
 const FAULTS: &str = r#"
+refine = "bottom-up" | refine = "bottomup" | OutOfRange | mesh.refine | did you mean "bottom-up"?
+refine = "bottom-up" | refine = "none" | OutOfRange | mesh.refine | "top-down"
+refine = "bottom-up" | refine = true | WrongType | mesh.refine | a text
+refine = "bottom-up" | refined = "off" | UnknownKey | mesh.refined | did you mean refine?
+tau = 2.5 | tau = 0 | OutOfRange | mesh.tau | 0.05…100
+tau = 2.5 | tau = -2.5 | OutOfRange | mesh.tau | 0.05…100
+tau = 2.5 | tau = 0.049 | OutOfRange | mesh.tau | 0.05…100
+tau = 2.5 | tau = 100.1 | OutOfRange | mesh.tau | 0.05…100
+tau = 2.5 | tau = nan | OutOfRange | mesh.tau | finite
+tau = 2.5 | tau = -inf | OutOfRange | mesh.tau | finite
+tau = 2.5 | tau = "2.5" | WrongType | mesh.tau | a number
+wireframe = true | wireframe = 1 | WrongType | mesh.wireframe | true or false
 scale = 2.0 | scale = 500 | OutOfRange | layers.heights.scale | 0…100
 scale = 2.0 | scale = nan | OutOfRange | layers.heights.scale | finite
 scale = 2.0 | scale = inf | OutOfRange | layers.heights.scale | finite

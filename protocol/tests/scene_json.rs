@@ -8,7 +8,7 @@
 )]
 
 use protocol::Fault::{OutOfRange, WrongType};
-use protocol::scene::{AssignmentError, Process, Ramp, RampName, Scene};
+use protocol::scene::{AssignmentError, Process, Ramp, RampName, Refine, Scene};
 use serde_json::{Value, json};
 
 const DEMO: &str = include_str!("../../configs/scenes/demo.toml");
@@ -68,7 +68,10 @@ fn json_has_the_shape_of_the_file_with_everything_written_out() {
         },
         "light": { "sun": "camera", "ambient": 0.15, "relief": 1.0 },
         "atmosphere": { "enabled": true, "thickness_m": 80_000.0, "colour": [0.3, 0.55, 1.0] },
-        "mesh": { "refinement": 3, "tile_px": 257.0, "deepest_level": 22 },
+        "mesh": {
+            "refine": "top-down", "tau": 1.0, "wireframe": false,
+            "refinement": 3, "tile_px": 257.0, "deepest_level": 22,
+        },
     });
     assert_eq!(scene.to_json(), expected);
 }
@@ -108,7 +111,10 @@ fn a_patch_sets_removes_and_replaces() {
     expected["planet"] = json!("mars");
     expected["light"]["ambient"] = json!(0.5);
     expected["light"]["sun"] = json!("camera");
-    expected["mesh"] = json!({ "refinement": 3, "tile_px": 257.0, "deepest_level": 22 });
+    expected["mesh"] = json!({
+        "refine": "top-down", "tau": 1.0, "wireframe": false,
+        "refinement": 3, "tile_px": 257.0, "deepest_level": 22,
+    });
     expected["layers"]["heights"]["scale"] = json!(3.0);
     expected["layers"]["heights"]["clamp_m"] = json!([0.0, 10.0]);
     let layers = expected["layers"].as_object_mut().unwrap();
@@ -200,6 +206,13 @@ const FAULTS: &str = r#"
 { "lens": {} } | UnknownKey | lens | lenses
 { "planet": "pluto" } | OutOfRange | planet | "moon"
 { "camera": { "mode": "path" } } | UnknownKey | camera.centre | keyframes
+{ "mesh": { "refine": "topdown" } } | OutOfRange | mesh.refine | did you mean "top-down"?
+{ "mesh": { "refine": true } } | WrongType | mesh.refine | a text
+{ "mesh": { "tau": 0 } } | OutOfRange | mesh.tau | 0.05…100
+{ "mesh": { "tau": -1 } } | OutOfRange | mesh.tau | 0.05…100
+{ "mesh": { "tau": 1e300 } } | OutOfRange | mesh.tau | 0.05…100
+{ "mesh": { "tau": "1 px" } } | WrongType | mesh.tau | a number
+{ "mesh": { "wireframe": 1 } } | WrongType | mesh.wireframe | true or false
 { "mesh": { "refinement": 8 } } | OutOfRange | mesh.refinement | 0…7
 { "mesh": { "refinement": 300 } } | OutOfRange | mesh.refinement | 0…7
 { "light": { "sun": { "latitude_deg": 91 } } } | OutOfRange | light.sun.latitude_deg | -90…90
@@ -349,11 +362,15 @@ fn assignments_are_patches() {
         "heights.scale=4",
         "heights.offset_m=null",
         "layers.lines=null",
+        "mesh.tau=0.5",
+        "mesh.refine=off",
+        "mesh.wireframe=false",
     ];
     let patch = Scene::assignments(texts).unwrap();
     let expected = json!({
         "layers": { "heights": { "scale": 4, "offset_m": null }, "lines": null },
         "light": { "ambient": 0.5 },
+        "mesh": { "tau": 0.5, "refine": "off", "wireframe": false },
     });
     assert_eq!(patch, expected);
     let patched = everything().patched(&patch).unwrap();
@@ -363,5 +380,13 @@ fn assignments_are_patches() {
     assert_eq!(
         (heights.scale, heights.offset_m, patched.layers.len()),
         (4.0, 0.0, 7)
+    );
+    assert_eq!(
+        (
+            patched.mesh.tau,
+            patched.mesh.refine,
+            patched.mesh.wireframe
+        ),
+        (0.5, Refine::Off, false)
     );
 }

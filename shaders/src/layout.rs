@@ -5,6 +5,7 @@ use bytemuck::{Pod, Zeroable};
 
 mod fuse;
 mod process;
+mod refine;
 
 pub use fuse::{Blend, FuseInput, FuseUniform, LensUniform, SurfaceUniform};
 pub use process::{
@@ -12,6 +13,7 @@ pub use process::{
     RampUniform, ReliefUniform, ResampleUniform, SampleForm, SarUniform, SlopeUniform,
     TileGeometry,
 };
+pub use refine::{Emission, EmitLeaf, LeafHeightsUniform, RefineLeaf, RefineLevelUniform};
 
 /// Texels along a side of a slot: a tile's nodes −9…265. Node (i, j) is texel (i + 9, j + 9).
 pub const SLOT_SIDE: u32 = 275;

@@ -4,17 +4,20 @@
 //! It opens no device and knows no tile: `render` does.
 
 mod layout;
+mod refine_stage;
 mod resolve;
 mod stage;
 
 pub mod cpu;
 
 pub use layout::{
-    AspectUniform, Blend, ElevationUniform, FrameUniform, FuseInput, FuseUniform, HillshadeUniform,
-    INVALID_WORD, ImageryUniform, IsolinesUniform, LAYER_SIDE, LensUniform, RampUniform,
-    ReliefUniform, ResampleUniform, SLOT_SIDE, SampleForm, SarUniform, SlopeUniform,
-    SurfaceUniform, TileGeometry, TileRecord, raw_colour,
+    AspectUniform, Blend, ElevationUniform, Emission, EmitLeaf, FrameUniform, FuseInput,
+    FuseUniform, HillshadeUniform, INVALID_WORD, ImageryUniform, IsolinesUniform, LAYER_SIDE,
+    LeafHeightsUniform, LensUniform, RampUniform, RefineLeaf, RefineLevelUniform, ReliefUniform,
+    ResampleUniform, SLOT_SIDE, SampleForm, SarUniform, SlopeUniform, SurfaceUniform, TileGeometry,
+    TileRecord, raw_colour,
 };
+pub use refine_stage::RefineStage;
 pub use resolve::ResolveError;
 pub use stage::Stage;
 

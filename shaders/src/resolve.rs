@@ -20,18 +20,26 @@ pub enum ResolveError {
     },
 }
 
-const SHARED: [(&str, &str); 8] = [
+const SHARED: [(&str, &str); 16] = [
+    ("allowance", include_str!("../wgsl/shared/allowance.wgsl")),
     ("amplitude", include_str!("../wgsl/shared/amplitude.wgsl")),
     ("colour", include_str!("../wgsl/shared/colour.wgsl")),
     ("cube", include_str!("../wgsl/shared/cube.wgsl")),
+    ("drawn", include_str!("../wgsl/shared/drawn.wgsl")),
+    ("emission", include_str!("../wgsl/shared/emission.wgsl")),
+    ("error_code", include_str!("../wgsl/shared/error_code.wgsl")),
     (
         "fixed_point",
         include_str!("../wgsl/shared/fixed_point.wgsl"),
     ),
     ("frame", include_str!("../wgsl/shared/frame.wgsl")),
     ("fusion", include_str!("../wgsl/shared/fusion.wgsl")),
+    ("links", include_str!("../wgsl/shared/links.wgsl")),
+    ("marks", include_str!("../wgsl/shared/marks.wgsl")),
     ("slot", include_str!("../wgsl/shared/slot.wgsl")),
     ("tangent", include_str!("../wgsl/shared/tangent.wgsl")),
+    ("vertex", include_str!("../wgsl/shared/vertex.wgsl")),
+    ("wide", include_str!("../wgsl/shared/wide.wgsl")),
 ];
 
 /// Writes out the imports of `text`. Shared modules import nothing themselves.

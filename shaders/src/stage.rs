@@ -45,6 +45,8 @@ pub enum Stage {
     Surface,
     /// Draw: the planet's surface.
     Terrain,
+    /// Draw: the edges of its triangles.
+    Wireframe,
     /// Draw: the rim of air and the sky.
     Atmosphere,
     /// Draw: a finished picture into a window.
@@ -53,7 +55,7 @@ pub enum Stage {
 
 impl Stage {
     /// Every stage; the compute stages in the order in which a tile meets them.
-    pub const ALL: [Self; 19] = [
+    pub const ALL: [Self; 20] = [
         Self::Resample,
         Self::Elevation,
         Self::Imagery,
@@ -71,6 +73,7 @@ impl Stage {
         Self::Relief,
         Self::Surface,
         Self::Terrain,
+        Self::Wireframe,
         Self::Atmosphere,
         Self::Copy,
     ];
@@ -96,6 +99,7 @@ impl Stage {
             Self::Relief => "process/relief",
             Self::Surface => "fuse/surface",
             Self::Terrain => "draw/terrain",
+            Self::Wireframe => "draw/wireframe",
             Self::Atmosphere => "draw/atmosphere",
             Self::Copy => "output/copy",
         }
@@ -111,7 +115,7 @@ impl Stage {
     #[must_use]
     pub const fn inputs(self) -> usize {
         match self {
-            Self::Terrain | Self::Atmosphere | Self::Copy => 0,
+            Self::Terrain | Self::Wireframe | Self::Atmosphere | Self::Copy => 0,
             Self::Lens => 2,
             Self::FuseElevation | Self::FuseColour => 8,
             _ => 1,
@@ -142,6 +146,7 @@ impl Stage {
             Self::Relief => include_str!("../wgsl/process/relief.wgsl"),
             Self::Surface => include_str!("../wgsl/fuse/surface.wgsl"),
             Self::Terrain => include_str!("../wgsl/draw/terrain.wgsl"),
+            Self::Wireframe => include_str!("../wgsl/draw/wireframe.wgsl"),
             Self::Atmosphere => include_str!("../wgsl/draw/atmosphere.wgsl"),
             Self::Copy => include_str!("../wgsl/output/copy.wgsl"),
         }

@@ -134,8 +134,13 @@ impl Running {
     }
 
     /// Waits for the end.
-    pub fn wait(mut self) -> Ran {
-        let deadline = Instant::now() + PATIENCE;
+    pub fn wait(self) -> Ran {
+        self.wait_within(PATIENCE)
+    }
+
+    /// Waits for the end of what may take longer.
+    pub fn wait_within(mut self, patience: Duration) -> Ran {
+        let deadline = Instant::now() + patience;
         let status = loop {
             if let Some(status) = self.child.try_wait().expect("a child can be asked") {
                 break Some(status);
@@ -152,7 +157,7 @@ impl Running {
         let (stdout, stderr) = (text(self.stdout.take()), text(self.stderr.take()));
         let status = status.unwrap_or_else(|| {
             panic!(
-                "terrawall {} did not end within {PATIENCE:?}\n{stderr}",
+                "terrawall {} did not end within {patience:?}\n{stderr}",
                 self.words
             );
         });

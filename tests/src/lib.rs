@@ -12,4 +12,5 @@
 pub mod command;
 pub mod data;
 pub mod pictures;
+pub mod rough;
 pub mod sources;

@@ -101,7 +101,15 @@ fn the_surface_of_every_verification_scene_is_closed() {
                     height_m
                 }
             };
-            terrain::build(&scene.planet, *leaf, &layers, &patch, &fuse, &mut vertices).unwrap();
+            terrain::build(
+                &scene.planet,
+                *leaf,
+                &layers,
+                &patch.positions,
+                &fuse,
+                &mut vertices,
+            )
+            .unwrap();
             walker.add(&vertices, &patch.indices[usize::from(seams.variant)]);
         }
         let walk = walker.finish();

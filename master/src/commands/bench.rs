@@ -8,12 +8,14 @@ use std::path::Path;
 use protocol::report::Report;
 use protocol::{Scene, Wall};
 
-use crate::args::{Bench, BenchAll, BenchSync, Size};
+use crate::args::{Bench, BenchAll, BenchRefine, BenchSync, Size};
 use crate::failure::{Failure, OrConfiguration as _};
 use crate::output;
 use crate::plot::{Plot, Series};
 
-use super::{bench_frame, bench_import, bench_process, bench_starts, files, local, synthetic};
+use super::{
+    bench_frame, bench_import, bench_process, bench_refine, bench_starts, files, local, synthetic,
+};
 
 /// Runs a bench.
 pub(crate) fn run(bench: Bench) -> Result<(), Failure> {
@@ -22,6 +24,7 @@ pub(crate) fn run(bench: Bench) -> Result<(), Failure> {
         Bench::Starts(args) => bench_starts::run(&args),
         Bench::Frame(args) => bench_frame::run(&args),
         Bench::Process(args) => bench_process::run(&args),
+        Bench::Refine(args) => bench_refine::run(args),
         Bench::Import(args) => bench_import::run(&args),
         Bench::All(args) => all(&args),
     }
@@ -55,6 +58,7 @@ fn measure_sync(args: &BenchSync) -> Result<Report, Failure> {
         fps: Some(args.fps),
         frames: Some(frames),
         capture: false,
+        measure_error: true,
         digests: None,
     };
     let shown = local::run(&wall, &scene, run, None)?;
@@ -163,6 +167,12 @@ fn all(args: &BenchAll) -> Result<(), Failure> {
     let stages = bench_process::measure()?;
     output::json_file(&out.join("process.json"), &stages)?;
     bench_process::print(&stages)?;
+
+    output::line("\nRefined meshes")?;
+    let short = BenchRefine::short("out/data".into(), out.clone());
+    let refinement = bench_refine::measure(&short)?;
+    bench_refine::write(&short.out, &refinement)?;
+    bench_refine::print(&refinement)?;
 
     output::line("\nImports")?;
     let imports = bench_import::measure(Path::new("tests/data"))?;

@@ -7,6 +7,8 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use node::{Picture, PictureRequest};
+use protocol::message::ErrorMeasured;
+use protocol::report::ErrorReport;
 use protocol::{Camera, Orbit, Place, Scene, View, Wall};
 use serde::Serialize;
 
@@ -51,6 +53,8 @@ pub(crate) struct Figures {
     /// From opening the adapter to a converged globe, nothing being cached, in milliseconds.
     cold_start_ms: f64,
     views: Vec<ViewFigures>,
+    /// Of the last picture of each view.
+    error_px: ErrorReport,
 }
 
 /// One moving view.
@@ -103,6 +107,13 @@ pub(crate) fn print(figures: &Figures) -> Result<(), Failure> {
         ],
         &rows,
     )?;
+    let error = &figures.error_px;
+    output::line(format!(
+        "the surface is off by at most {:.3} pixels in {} pictures (τ = {})",
+        error.measured_max.unwrap_or(f64::NAN),
+        error.views,
+        error.tau
+    ))?;
     output::line(format!(
         "cold start to a converged globe: {:.0} ms ({})",
         figures.cold_start_ms, figures.adapter
@@ -138,6 +149,7 @@ pub(crate) fn measure(data: &Path, frames: u32) -> Result<Figures, Failure> {
     let start = Instant::now();
     let mut maker = node::WallPictureMaker::open(None)?;
     let adapter = node::PictureMaker::adapter(&maker);
+    let error_px = ErrorReport::new(scene.mesh.tau);
     let mut bench = Bench {
         picture: node::PictureMaker::make(
             &mut maker,
@@ -150,6 +162,7 @@ pub(crate) fn measure(data: &Path, frames: u32) -> Result<Figures, Failure> {
         heads_m: wall.heads_m(),
         scene,
         frame: 0,
+        error_px,
     };
     // The rival's paths: 0.01 rad a frame around the globe, 0.003 rad at 500 km.
     let globe = orbit(20.0, 12e6, 0.01);
@@ -166,6 +179,7 @@ pub(crate) fn measure(data: &Path, frames: u32) -> Result<Figures, Failure> {
         adapter,
         cold_start_ms,
         views,
+        error_px: bench.error_px,
     })
 }
 
@@ -174,6 +188,7 @@ struct Bench {
     heads_m: Vec<[f64; 3]>,
     scene: Scene,
     frame: u64,
+    error_px: ErrorReport,
 }
 
 impl Bench {
@@ -228,6 +243,13 @@ impl Bench {
             frames_ms.push(start.elapsed().as_secs_f64() * 1e3);
             triangles = triangles.max(drawn.triangles);
         }
+        let measure = self.picture.measure_error()?;
+        self.error_px.add(&ErrorMeasured {
+            max_px: measure.max_px,
+            samples: measure.samples,
+            uncovered: measure.uncovered,
+            tau_px: measure.tau_px,
+        });
         let mut sorted = frames_ms.clone();
         sorted.sort_by(f64::total_cmp);
         let quantile = |share: f64| {

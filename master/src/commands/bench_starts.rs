@@ -133,7 +133,7 @@ fn start_once(program: &Path, folder: &Path, nodes: u32) -> Result<(), Failure> 
         .arg(folder.join("wall.toml"))
         .arg("--scene")
         .arg(folder.join("scene.toml"))
-        .args(["--headless", "--frames", "1", "--capture"])
+        .args(["--headless", "--frames", "1", "--no-error", "--capture"])
         .arg(&shot)
         .arg("--report")
         .arg(&report)

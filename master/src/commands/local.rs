@@ -37,6 +37,8 @@ pub(crate) struct Run<'p> {
     pub(crate) frames: Option<u64>,
     /// Pictures at the end.
     pub(crate) capture: bool,
+    /// The error of the last picture, for the report.
+    pub(crate) measure_error: bool,
     /// Directory for the digests of what each node shows.
     pub(crate) digests: Option<&'p Path>,
 }
@@ -83,6 +85,7 @@ pub(crate) fn run(
     options.fps = run.fps;
     options.frames = run.frames;
     options.capture = run.capture;
+    options.measure_error = run.measure_error;
     if let Some(control) = &control {
         control.opening.put_into(&mut options, control.scene_file)?;
     }
@@ -193,7 +196,7 @@ fn environment(nodes: usize, folder: &Path) -> Vec<(OsString, OsString)> {
 }
 
 /// On this machine all repositories can be looked at before anything starts.
-fn check_repositories(scene: &Scene) -> Result<(), Failure> {
+pub(crate) fn check_repositories(scene: &Scene) -> Result<(), Failure> {
     for layer in &scene.layers {
         if let Some(repository) = &layer.repository {
             import::Dataset::load(Path::new(repository))

@@ -105,6 +105,14 @@ impl Teller {
                     .set_message(format!("waits for the picture: {}", waits_for.join("; ")));
                 tracing::info!(?waits_for, "waits for the picture to converge");
             }
+            Notice::Measuring { waits_for } => {
+                let message = format!(
+                    "measures the error of the picture: {}",
+                    waits_for.join(", ")
+                );
+                self.bar.set_message(message);
+                tracing::info!(?waits_for, "waits for the error to be measured");
+            }
         }
     }
 }

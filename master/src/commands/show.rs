@@ -7,6 +7,7 @@ use std::time::Duration;
 use link::Identity;
 use master::{Master as RunningMaster, MasterOptions, MasterOutcome};
 use protocol::Wall;
+use protocol::report::Report;
 
 use crate::args::{Master, Show, Up};
 use crate::failure::{Failure, OrConfiguration as _};
@@ -40,6 +41,7 @@ pub(crate) fn up(args: &Up) -> Result<(), Failure> {
         fps: show.fps,
         frames: show.frames,
         capture: show.capture.is_some(),
+        measure_error: show.wants_error(),
         digests: args.digests.as_deref(),
     };
     let control = local::Control {
@@ -68,6 +70,7 @@ pub(crate) fn master(args: &Master) -> Result<(), Failure> {
     options.fps = show.fps;
     options.frames = show.frames;
     options.capture = show.capture.is_some();
+    options.measure_error = show.wants_error();
     options.start_after = Some(Duration::from_secs_f64(args.wait));
     options.start_timeout = None;
     let opening = Opening::new(&show.control)?;
@@ -114,7 +117,7 @@ fn finish(show: &Show, wall: &Wall, outcome: &MasterOutcome) -> Result<(), Failu
     } else {
         let report = &outcome.report;
         output::line(format!(
-            "{} frames at {:.1} a second; skew p50 {:.2} ms, p99 {:.2} ms; {}",
+            "{} frames at {:.1} a second; skew p50 {:.2} ms, p99 {:.2} ms; {}{}",
             report.frames,
             report.fps,
             report.skew_us.p50 / 1e3,
@@ -123,11 +126,23 @@ fn finish(show: &Show, wall: &Wall, outcome: &MasterOutcome) -> Result<(), Failu
                 "the picture has converged"
             } else {
                 "the picture was still being refined"
-            }
+            },
+            error_px(report)
         ))?;
     }
     if outcome.stopped && (show.frames.is_some() || show.capture.is_some()) {
         return Err(Failure::failed("the run was stopped before its end"));
     }
     Ok(())
+}
+
+/// What is said of the error of the last picture, if it was measured.
+fn error_px(report: &Report) -> String {
+    let error = &report.error_px;
+    error.measured_max.map_or(String::new(), |max_px| {
+        format!(
+            "; the surface is off by at most {max_px:.2} pixels (τ = {})",
+            error.tau
+        )
+    })
 }

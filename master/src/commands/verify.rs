@@ -1,11 +1,17 @@
 //! `terrawall verify WALL`: is the tiled wall, pixel for pixel, one picture?
 //!
 //! In: a wall and a scene whose camera is held. Out: how many pixels differ. Both pictures come from real node
-//! processes, started as `up` starts them.
+//! processes, started as `up` starts them. How far the surface is from the data (`--error`) is `error`'s.
+
+mod error;
+mod findings;
+mod places;
+mod survey;
 
 use anyhow::Context as _;
 use image::GrayImage;
-use protocol::{Camera, Scene, Wall};
+use protocol::report::ErrorReport;
+use protocol::{Camera, Place, Scene, Wall};
 use serde::Serialize;
 
 use crate::args::Verify;
@@ -24,16 +30,22 @@ struct Findings {
     comparison: Comparison,
     /// Pixels of the canvas that no output shows; they are not compared.
     hidden: u64,
+    /// Of the tiled wall's picture.
+    error_px: ErrorReport,
+    achieved_tau: Option<f64>,
 }
 
 /// Verifies a wall.
 pub(crate) fn run(args: &Verify) -> Result<(), Failure> {
+    if args.error {
+        return error::run(args);
+    }
     let (wall, mut scene) = (files::wall(&args.wall)?, files::scene(&args.scene)?);
     hold(&mut scene);
-    let tiled = picture(&wall, &scene)
+    let tiled = picture(&wall, &scene, true)
         .context("the tiled wall")
         .map_err(Failure::Failed)?;
-    let single = picture(&wall.single(), &scene)
+    let single = picture(&wall.single(), &scene, false)
         .context("the single picture")
         .map_err(Failure::Failed)?;
     let mut comparison = Comparison::default();
@@ -52,6 +64,8 @@ pub(crate) fn run(args: &Verify) -> Result<(), Failure> {
         scene: args.scene.display().to_string(),
         comparison,
         hidden,
+        error_px: tiled.report.error_px,
+        achieved_tau: tiled.report.achieved_tau,
     };
     if let Some(path) = &args.report {
         output::json_file(path, &findings)?;
@@ -84,27 +98,37 @@ pub(crate) fn run(args: &Verify) -> Result<(), Failure> {
 struct Shown {
     outputs: Vec<master::CapturedOutput>,
     screens: Vec<image::RgbaImage>,
+    report: protocol::report::Report,
 }
 
 /// Holds the camera where it begins.
 fn hold(scene: &mut Scene) {
-    let place = match &scene.camera {
-        Camera::Fixed(place) => Some(*place),
-        Camera::Orbit(orbit) => Some(orbit.place),
-        Camera::Path(path) => path.keyframes.first().map(|keyframe| keyframe.place),
-    };
-    if let Some(place) = place {
-        scene.camera = Camera::Fixed(place);
+    if let Some(place) = places_of(&scene.camera).first() {
+        scene.camera = Camera::Fixed(*place);
+    }
+}
+
+/// The places that a camera is told to be at.
+fn places_of(camera: &Camera) -> Vec<Place> {
+    match camera {
+        Camera::Fixed(place) => vec![*place],
+        Camera::Orbit(orbit) => vec![orbit.place],
+        Camera::Path(path) => path
+            .keyframes
+            .iter()
+            .map(|keyframe| keyframe.place)
+            .collect(),
     }
 }
 
 /// Renders a wall by node processes.
-fn picture(wall: &Wall, scene: &Scene) -> Result<Shown, anyhow::Error> {
+fn picture(wall: &Wall, scene: &Scene, measure_error: bool) -> Result<Shown, anyhow::Error> {
     let run = local::Run {
         headless: true,
         fps: None,
         frames: Some(1),
         capture: true,
+        measure_error,
         digests: None,
     };
     let outcome = local::run(wall, scene, run, None)
@@ -117,6 +141,7 @@ fn picture(wall: &Wall, scene: &Scene) -> Result<Shown, anyhow::Error> {
     Ok(Shown {
         outputs: outcome.captures,
         screens,
+        report: outcome.report,
     })
 }
 

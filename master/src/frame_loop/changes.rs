@@ -34,7 +34,7 @@ impl FrameLoop {
             Phase::Gathering | Phase::WarmingUp | Phase::Running { .. } => true,
             // All pictures must show the same scene.
             Phase::Settling { capture, .. } => !capture.has_begun(),
-            Phase::LastReports { .. } | Phase::Leaving { .. } => false,
+            Phase::LastReports { .. } | Phase::Measuring(_) | Phase::Leaving { .. } => false,
         };
         if !open {
             return Err(Declined::Over);

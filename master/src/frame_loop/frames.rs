@@ -94,9 +94,13 @@ impl FrameLoop {
                 start_us: *start_us,
             },
             (Phase::Gathering | Phase::WarmingUp, _) => CameraTime::Waiting,
-            (Phase::Settling { .. } | Phase::LastReports { .. } | Phase::Leaving { .. }, _) => {
-                CameraTime::Held
-            }
+            (
+                Phase::Settling { .. }
+                | Phase::LastReports { .. }
+                | Phase::Measuring(_)
+                | Phase::Leaving { .. },
+                _,
+            ) => CameraTime::Held,
         };
         let view = match self.director.view(request, time, link::now_us()) {
             Ok(view) => view,

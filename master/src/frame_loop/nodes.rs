@@ -174,6 +174,8 @@ impl FrameLoop {
                 self.cannot_prepare(node, revision, reason);
             }
             ToMaster::MoveLens(place) => self.move_lens(node, &place),
+            ToMaster::ErrorMeasured(measured) => self.error_measured(node, &measured),
+            ToMaster::CannotMeasure { reason } => self.error_unmeasured(node, &reason),
             ToMaster::Bye { reason } => {
                 let node = self.name(node);
                 self.notices.send(Notice::Left { node, reason });
@@ -229,6 +231,7 @@ impl FrameLoop {
         if let Phase::Settling { capture, .. } = &mut self.phase {
             capture.lost(node);
         }
+        self.error_unmeasured(node, "its connection ended before it answered");
         if let Some(barrier) = &mut self.barrier {
             let actions = barrier.disconnected(node, now_us);
             self.perform(actions);

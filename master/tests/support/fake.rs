@@ -6,7 +6,9 @@ use std::fmt::Write as _;
 use std::path::PathBuf;
 use std::time::Duration;
 
-use node::{Drawn, OutputImage, Picture, PictureError, PictureMaker, PictureRequest};
+use node::{
+    Drawn, ErrorMeasure, OutputImage, PassTime, Picture, PictureError, PictureMaker, PictureRequest,
+};
 use protocol::message::TileCounters;
 use protocol::{Scene, View};
 
@@ -128,6 +130,8 @@ impl Picture for FakePicture {
             converged,
             pending_tiles,
             triangles: 1,
+            refined_leaves: u32::from(redrawn),
+            achieved_tau_px: 1.0,
         })
     }
 
@@ -174,6 +178,43 @@ impl Picture for FakePicture {
             .repeat((width * height) as usize),
         };
         Ok(self.outputs.iter().map(image).collect())
+    }
+
+    /// A number of its own for each host.
+    fn measure_error(&mut self) -> Result<ErrorMeasure, PictureError> {
+        assert!(self.last.is_some(), "asked before anything was drawn");
+        if self.drawing.measure_ms == u64::MAX {
+            return Err(PictureError::Frame(
+                "the elevation has left memory".to_owned(),
+            ));
+        }
+        std::thread::sleep(Duration::from_millis(self.drawing.measure_ms));
+        Ok(ErrorMeasure {
+            max_px: 0.25 + f64::from(self.shade) / 8.0,
+            samples: 100,
+            tau_px: 1.0,
+            ..ErrorMeasure::default()
+        })
+    }
+
+    fn minimum_triangles(&mut self) -> Result<u64, PictureError> {
+        panic!("the wall's step does not ask for this")
+    }
+
+    fn time_passes(&mut self, _on: bool) {
+        panic!("the wall's step does not ask for this")
+    }
+
+    fn take_pass_times(&mut self) -> Vec<PassTime> {
+        panic!("the wall's step does not ask for this")
+    }
+
+    fn ground_height_m(&self, _latitude: f64, _longitude: f64) -> Result<f64, PictureError> {
+        panic!("the wall's step does not ask for this")
+    }
+
+    fn finest_tiles(&self, _most: usize) -> Result<Vec<u64>, PictureError> {
+        panic!("the wall's step does not ask for this")
     }
 
     fn counters(&self) -> TileCounters {

@@ -38,6 +38,8 @@ pub(crate) struct Drawing {
     pub(crate) drawings_to_prepare: u32,
     /// Whether only the first scene can be shown.
     pub(crate) refuses_changes: bool,
+    /// How long the error takes to be measured; `u64::MAX`: it cannot be.
+    pub(crate) measure_ms: u64,
 }
 
 impl Default for Drawing {
@@ -48,6 +50,7 @@ impl Default for Drawing {
             broken_scene: false,
             drawings_to_prepare: 2,
             refuses_changes: false,
+            measure_ms: 0,
         }
     }
 }
@@ -103,6 +106,7 @@ pub(crate) fn be_a_node() {
         broken_scene: get("BROKEN") == "true",
         drawings_to_prepare: get("PREPARE").parse().unwrap(),
         refuses_changes: get("REFUSES") == "true",
+        measure_ms: get("MEASURE").parse().unwrap(),
     };
     let log = std::env::var(format!("{NODE}_LOG")).ok().map(PathBuf::from);
     let options = NodeOptions {
@@ -166,6 +170,10 @@ impl Nodes {
             .env(
                 format!("{NODE}_REFUSES"),
                 self.drawing.refuses_changes.to_string(),
+            )
+            .env(
+                format!("{NODE}_MEASURE"),
+                self.drawing.measure_ms.to_string(),
             )
             .envs(
                 self.log

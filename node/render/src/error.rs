@@ -32,6 +32,14 @@ pub enum RenderError {
         /// What is wrong with it.
         reason: String,
     },
+    /// The device draws no lines.
+    #[error(
+        "graphics adapter \"{adapter}\" cannot draw triangles as lines: set mesh.wireframe to false"
+    )]
+    NoWireframe {
+        /// The adapter's name.
+        adapter: String,
+    },
     /// More layers than are fused.
     #[error(
         "{count} {what} layers are visible at once; at most {most} can be fused: set the weight of some to 0"

@@ -6,31 +6,33 @@
 use std::collections::{HashMap, HashSet};
 use std::time::Instant;
 
+use bytemuck::Zeroable as _;
 use geodesy::frame::scalar_f32;
 use geodesy::{Horizon, Tile};
 use glam::DVec3;
 use shaders::TileRecord;
-use terrain::{ElevationLayer, Frustum, Lattice, LodLimits, LodView, Selection};
+use terrain::{Frustum, LodLimits, LodView, Selection};
 use tiles::{DatasetId, Lookup, TileCache};
 
 use crate::error::RenderError;
 use crate::gpu::Gpu;
-use crate::heights::{VertexHeights, heights_content};
+use crate::geometry::Geometries;
 use crate::layers::LAYER_SIDE;
 use crate::loaded::LoadedScene;
-use crate::meshes::{MeshDraw, MeshRequest, Meshes};
+use crate::meshes::{MeshDraw, Meshes};
 use crate::process::Processor;
 use crate::ranges::Ranges;
+use crate::refine::{PassTimes, Refiner};
+use crate::refining::Refined;
 use crate::renderer::{FrameStatistics, PlannedBlock, ViewPoint};
-use crate::source::{Heights, Source};
+use crate::source::Source;
 use crate::textures::SurfaceTextures;
 
 /// The patches of one block.
 #[derive(Debug, PartialEq)]
 pub(crate) struct BlockDraws {
     pub(crate) output: usize,
-    /// Index of the tile's record, and its mesh.
-    pub(crate) patches: Vec<(u32, MeshDraw)>,
+    pub(crate) patches: Vec<MeshDraw>,
 }
 
 /// Leaves over the whole planet that one selection may have.
@@ -39,7 +41,7 @@ const MOST_LEAVES: usize = 32_768;
 /// How much may be visible to one eye.
 #[derive(Clone, Copy)]
 struct Most {
-    /// Leaves, for their meshes.
+    /// Leaves and those around them, for their geometries.
     leaves: usize,
     /// Tiles of fused heights or of fused colours.
     tiles: usize,
@@ -52,19 +54,18 @@ struct Sight {
     visible: Vec<Tile>,
 }
 
-/// What a leaf shows in this frame.
-struct Surface {
-    record: u32,
-    mesh: MeshDraw,
-}
-
 /// What one frame works with, and what it has found so far.
 pub(crate) struct Gather<'a> {
     pub(crate) gpu: &'a Gpu,
     pub(crate) cache: &'a TileCache,
     pub(crate) textures: &'a mut SurfaceTextures,
     pub(crate) processor: &'a mut Processor,
+    pub(crate) geometries: &'a mut Geometries,
+    pub(crate) refiner: &'a mut Refiner,
     pub(crate) meshes: &'a mut Meshes,
+    /// How many times the scene's τ a mesh may be off, so that all meshes fit.
+    pub(crate) tau_steps: &'a mut u32,
+    pub(crate) times: &'a mut Option<PassTimes>,
     pub(crate) scene: &'a LoadedScene,
     /// Another scene is shown or prepared beside this one, and needs as much room.
     pub(crate) shares: bool,
@@ -85,6 +86,8 @@ pub(crate) struct Gather<'a> {
     pub(crate) lacks: bool,
     /// Results that stand for those whose best data cannot be had: tile, whether heights → result.
     pub(crate) broken: HashMap<(Tile, bool), (Tile, u64)>,
+    /// What each eye's leaves are made of.
+    pub(crate) refined: Vec<Refined>,
     /// Numbers of the tiles whose data was brought to the GPU or into a mesh.
     pub(crate) shown: Vec<u64>,
     pub(crate) statistics: FrameStatistics,
@@ -101,8 +104,8 @@ impl Gather<'_> {
             .count();
         let screens = screens.max(1);
         let most_visible = Most {
-            // Half, so that the meshes of two scenes fit.
-            leaves: self.meshes.capacity() / 2 / screens,
+            // Half, so that the geometries of two scenes fit.
+            leaves: self.geometries.capacity() / 2 / screens,
             tiles: self.textures.most_tiles() / screens,
         };
         let mut sights = Vec::with_capacity(screens);
@@ -137,13 +140,19 @@ impl Gather<'_> {
             })
             .collect();
         for (eye, of_screen, sight) in sights {
-            let surfaces = self.surfaces(eye, &sight.selection, &sight.visible, &mut records)?;
+            let surfaces = self.surfaces(
+                eye,
+                view.pixels_per_radian,
+                &sight.selection,
+                &sight.visible,
+                &mut records,
+            )?;
             for (index, tiles) in of_screen.iter().zip(sight.visible_in) {
                 for tile in tiles {
-                    if let Some(surface) = surfaces.get(&tile) {
-                        draws[*index].patches.push((surface.record, surface.mesh));
+                    if let Some(draw) = surfaces.get(&tile) {
+                        draws[*index].patches.push(*draw);
                         self.statistics.drawn_tiles += 1;
-                        self.statistics.triangles += u64::from(surface.mesh.index_count / 3);
+                        self.statistics.triangles += u64::from(draw.triangles);
                     }
                 }
             }
@@ -187,7 +196,7 @@ impl Gather<'_> {
             visible.sort_unstable();
             visible.dedup();
             // Six roots are the least there can be.
-            let fits = visible.len() <= most_visible.leaves
+            let fits = terrain::ring(&selection, &visible).len() <= most_visible.leaves
                 && self.distinct_tiles(&visible) <= most_visible.tiles;
             if fits || selection.leaves().len() <= Tile::ROOTS.len() {
                 return Sight {
@@ -214,65 +223,23 @@ impl Gather<'_> {
     fn surfaces(
         &mut self,
         eye: DVec3,
+        pixels_per_radian: f64,
         selection: &Selection,
         visible: &[Tile],
         records: &mut Vec<TileRecord>,
-    ) -> Result<HashMap<Tile, Surface>, RenderError> {
-        let scene = self.scene;
+    ) -> Result<HashMap<Tile, MeshDraw>, RenderError> {
         self.want_roots();
-        let elevation: Vec<GatheredHeights> = scene
-            .elevation_layers
-            .iter()
-            .filter_map(|layer| scene.source(*layer))
-            .map(|source| self.gather_heights(source, eye, selection, visible))
-            .collect();
+        let domain = terrain::ring(selection, visible);
+        let elevation = self.elevation(eye, &domain);
         let shown = self.show(eye, visible)?;
-        let data: Vec<_> = elevation
-            .iter()
-            .map(|heights| {
-                |tile: Tile| {
-                    let found = heights.resident.get(&tile);
-                    found.map(|heights| heights as &dyn Lattice)
-                }
-            })
-            .collect();
-        let heights = VertexHeights::new(scene);
+        let mut refined = self.geometries(eye, selection, domain, &elevation)?;
+        let meshes = self.meshes(pixels_per_radian, visible, &mut refined)?;
         let mut surfaces = HashMap::with_capacity(visible.len());
         for (leaf, shown) in visible.iter().zip(shown) {
-            let mut variant = terrain::seams(*leaf, selection, &|_| None).variant;
-            let mut layers = Vec::with_capacity(elevation.len());
-            for (gathered, data) in elevation.iter().zip(&data) {
-                let level = |leaf: Tile| gathered.shown.get(&leaf).map(|tile| tile.level());
-                let seams = terrain::seams(*leaf, selection, &level);
-                variant = seams.variant;
-                layers.push(ElevationLayer {
-                    levels: seams.levels,
-                    data,
-                });
-            }
-            let relations = scene.relations(*leaf);
-            let fuse = |normal: DVec3, samples: &[Option<i32>]| {
-                heights.at(scene, &relations, normal, samples)
-            };
-            let request = MeshRequest {
-                tile: *leaf,
-                variant,
-                layers: &layers,
-                fuse: &fuse,
-                content: heights_content(scene, *leaf),
-            };
-            if self.ahead && !self.may_build() && !self.meshes.holds(&request) {
-                self.behind = true;
-                continue;
-            }
-            let prepared =
-                self.meshes
-                    .prepare(self.gpu, &scene.data.ellipsoid, &request, self.frame);
-            let Some((mesh, built)) = prepared else {
+            let Some(mesh) = meshes.get(leaf) else {
                 self.behind = true;
                 continue;
             };
-            self.statistics.meshes_built += u32::from(built);
             let place = |shown: Option<(Tile, u32)>| {
                 let (tile, layer) = shown.unwrap_or((*leaf, 0));
                 place(*leaf, tile, layer)
@@ -282,54 +249,18 @@ impl Gather<'_> {
                 relief: place(shown.heights),
                 face: [u32::from(leaf.face().number()), 0, 0, 0],
             };
-            surfaces.insert(
-                *leaf,
-                Surface {
-                    record: records.len() as u32,
-                    mesh,
-                },
-            );
-            records.push(record);
+            let draw = mesh.draw();
+            // A record has the number of the arguments that draw it. Where two eyes see one mesh, both see what came
+            // in last.
+            let number = draw.argument as usize;
+            if records.len() <= number {
+                records.resize(number + 1, TileRecord::zeroed());
+            }
+            records[number] = record;
+            surfaces.insert(*leaf, draw);
         }
+        self.refined.push(refined);
         Ok(surfaces)
-    }
-
-    /// The coarsest level of everything is always there, to stand in for the rest.
-    fn want_roots(&mut self) {
-        let scene = self.scene;
-        let layers = scene.elevation_layers.iter().chain(&scene.colour_layers);
-        for source in layers.filter_map(|layer| scene.source(*layer)) {
-            for root in Tile::ROOTS {
-                self.want(source, root, &self.cache.get(source.id, root), f32::MAX);
-            }
-        }
-    }
-
-    /// What each visible leaf and each of its neighbours shows of a layer's heights; asks for the rest.
-    fn gather_heights(
-        &mut self,
-        source: &Source,
-        eye: DVec3,
-        selection: &Selection,
-        visible: &[Tile],
-    ) -> GatheredHeights {
-        let mut gathered = GatheredHeights::default();
-        for leaf in visible {
-            gathered.add(self.cache, source, *leaf);
-            for around in selection.leaves_around(*leaf) {
-                gathered.add(self.cache, source, around);
-            }
-        }
-        let mut missing: Vec<Tile> = gathered.missing.iter().copied().collect();
-        missing.sort_unstable();
-        missing.dedup();
-        self.shown
-            .extend(gathered.resident.keys().map(|tile| source.number(*tile)));
-        for tile in missing {
-            let urgency = priority(&self.scene.data.ellipsoid, eye, tile);
-            self.want(source, tile, &self.cache.get(source.id, tile), urgency);
-        }
-        gathered
     }
 
     /// Wishes for a tile that is not in memory.
@@ -345,7 +276,7 @@ impl Gather<'_> {
     }
 
     /// Whether a mesh may be built for the scene in preparation.
-    fn may_build(&self) -> bool {
+    pub(crate) fn may_build(&self) -> bool {
         self.statistics.meshes_built == 0 || Instant::now() < self.upload_until
     }
 
@@ -355,38 +286,6 @@ impl Gather<'_> {
             Some(steps) => steps > 0,
             None => !self.worked || Instant::now() < self.upload_until,
         }
-    }
-}
-
-/// The elevation of one layer that this frame uses.
-#[derive(Default)]
-struct GatheredHeights {
-    /// Leaf → the tile whose data it shows.
-    shown: HashMap<Tile, Tile>,
-    /// Every tile that is shown.
-    resident: HashMap<Tile, Heights>,
-    missing: HashSet<Tile>,
-}
-
-impl GatheredHeights {
-    fn add(&mut self, cache: &TileCache, source: &Source, leaf: Tile) {
-        if self.shown.contains_key(&leaf) {
-            return;
-        }
-        let Some(best) = source.best(leaf) else {
-            return;
-        };
-        let Some(data) = source.resident(cache, leaf) else {
-            self.missing.insert(best);
-            return;
-        };
-        if data.tile != best {
-            self.missing.insert(best);
-        }
-        self.shown.insert(leaf, data.tile);
-        self.resident
-            .entry(data.tile)
-            .or_insert_with(|| Heights(data));
     }
 }
 

@@ -3,6 +3,14 @@
 
 use thiserror::Error;
 
+/// What is made use of where an adapter has it: times of passes, records of tiles by the first instance of an indirect
+/// draw, triangles drawn as lines.
+const WELCOME: wgpu::Features = wgpu::Features::TIMESTAMP_QUERY
+    .union(wgpu::Features::TIMESTAMP_QUERY_INSIDE_ENCODERS)
+    .union(wgpu::Features::TIMESTAMP_QUERY_INSIDE_PASSES)
+    .union(wgpu::Features::INDIRECT_FIRST_INSTANCE)
+    .union(wgpu::Features::POLYGON_MODE_LINE);
+
 /// An open graphics device.
 #[derive(Debug)]
 pub struct Gpu {
@@ -70,6 +78,11 @@ impl Gpu {
         wanted: Option<&str>,
     ) -> Result<Self, GpuError> {
         descriptor.backends = wgpu::Backends::VULKAN;
+        if !cfg!(debug_assertions) {
+            // Arguments of indirect draws and dispatches are our own shaders' work. Checking them again costs a pass of
+            // the device before each.
+            descriptor.flags -= wgpu::InstanceFlags::VALIDATION_INDIRECT_CALL;
+        }
         let instance = wgpu::Instance::new(descriptor);
         let mut adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::VULKAN));
         adapters.sort_by_key(|adapter| match adapter.get_info().device_type {
@@ -106,7 +119,7 @@ impl Gpu {
         };
         let request = wgpu::DeviceDescriptor {
             label: Some("terrawall"),
-            required_features: wgpu::Features::empty(),
+            required_features: adapter.features() & WELCOME,
             required_limits: limits,
             ..wgpu::DeviceDescriptor::default()
         };

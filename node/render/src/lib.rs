@@ -4,9 +4,12 @@
 //! whether it shows the best data there is. It knows no network, and reads no file but through the cache.
 
 mod canvas;
+mod elevation;
 mod error;
 mod gather;
+mod geometry;
 mod gpu;
+mod ground;
 mod heights;
 mod layer;
 mod layers;
@@ -16,10 +19,14 @@ mod pipelines;
 mod pool;
 mod process;
 mod ranges;
+mod readback;
+mod refine;
+mod refining;
 mod renderer;
 mod scene;
 mod show;
 mod source;
+mod spans;
 mod target;
 mod textures;
 mod timing;
@@ -28,6 +35,8 @@ mod window;
 
 #[cfg(test)]
 mod device_tests;
+#[cfg(test)]
+mod error_tests;
 #[cfg(test)]
 mod picture_tests;
 #[cfg(test)]
@@ -44,8 +53,10 @@ pub use layer::{
     Aspect, Blend, Elevation, Fusion, Hillshade, Imagery, Isolines, LayerData, LayerParameters,
     LensData, Process, Ramp, RampStop, Sar, SarMapping, Slope,
 };
-pub use renderer::{AheadStatistics, FrameStatistics, RenderBudget, Renderer, ViewPoint};
-pub use scene::{Air, Light, SceneData, sun_over};
+pub use renderer::{
+    AheadStatistics, ErrorMeasure, FrameStatistics, PassTime, RenderBudget, Renderer, ViewPoint,
+};
+pub use scene::{Air, Light, Refine, SceneData, sun_over};
 pub use target::Picture;
 pub use tiles::{CacheConfig, TileCache};
 pub use timing::{SampleWords, StageTiming, time_stages};

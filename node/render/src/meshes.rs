@@ -1,210 +1,242 @@
-//! Patch meshes on the GPU: one slot of a vertex buffer per tile and the data levels along its seams,
-//! built when it is first drawn so. In: tiles with seams and lattices. Out: slots to draw. Least recently used slots are
-//! taken again; a slot in use in this frame never is.
+//! Meshes of leaves on the GPU: spans of one vertex buffer and one index buffer, and the arguments that draw them.
+//! In: how much room a mesh needs. Out: where it is to be written and how it is drawn. A mesh in use in this frame never
+//! makes room for another; of the others the one unused for longest does. It neither makes nor reads geometry.
 
 use std::collections::HashMap;
-use std::hash::{DefaultHasher, Hash as _, Hasher as _};
 
-use geodesy::{Ellipsoid, Tile};
-use glam::DVec3;
-use terrain::{ElevationLayer, Patch, Vertex};
+use geodesy::Tile;
+use terrain::Vertex;
 
-use crate::error::RenderError;
 use crate::gpu::Gpu;
+use crate::spans::Spans;
 
 const VERTEX_BYTES: u64 = Vertex::BYTES as u64;
+const INDEX_BYTES: u64 = 4;
+/// Words of the arguments of an indexed indirect draw.
+pub(crate) const ARGUMENT_WORDS: u64 = 5;
+/// Vertices that there is room for to begin with; three indices to a triangle, two triangles to a vertex.
+const FIRST_VERTICES: u32 = 1 << 16;
+const INDICES_PER_VERTEX: u32 = 6;
+/// Meshes that there is room for to begin with.
+const FIRST_MESHES: u32 = 256;
 
-/// The base patch, and the meshes made from it.
-#[derive(Debug)]
-pub(crate) struct Meshes {
-    patch: Patch,
-    vertices: wgpu::Buffer,
-    pub(crate) indices: wgpu::Buffer,
-    /// First index and count of each of the 16 border variants.
-    variants: [(u32, u32); 16],
-    /// By all that a mesh's vertices depend on: two eyes may need one tile with different seams at once.
-    slots: HashMap<MeshKey, Slot>,
-    free: Vec<u32>,
-    capacity: u32,
-    /// Slots that were ever used: the lowest ones.
-    used_slots: u32,
-    vertices_scratch: Vec<Vertex>,
-    bytes_scratch: Vec<u8>,
+/// A tile, and a number that stands for all that its mesh depends on.
+pub(crate) type MeshKey = (Tile, u64);
+
+/// How one mesh is drawn.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct MeshDraw {
+    /// Which arguments draw it. The tile's record has the same number.
+    pub(crate) argument: u32,
+    /// Changes with what the arguments draw.
+    pub(crate) serial: u64,
+    pub(crate) triangles: u32,
 }
 
+/// Where one mesh lies.
 #[derive(Clone, Copy, Debug)]
-struct Slot {
-    slot: u32,
+pub(crate) struct Mesh {
+    pub(crate) first_vertex: u32,
+    pub(crate) vertices: u32,
+    pub(crate) first_index: u32,
+    pub(crate) indices: u32,
+    argument: u32,
+    serial: u64,
     used: u64,
 }
 
-/// What to draw for one tile.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct MeshDraw {
-    pub(crate) base_vertex: i32,
-    pub(crate) first_index: u32,
-    pub(crate) index_count: u32,
-}
-
-/// A tile, and a number that stands for all that its vertices depend on.
-type MeshKey = (Tile, u64);
-
-/// The leaf, what it shows, and how it meets its neighbours.
-pub(crate) struct MeshRequest<'r, 'a> {
-    pub(crate) tile: Tile,
-    /// Which of the 16 border variants.
-    pub(crate) variant: u8,
-    /// The elevation layers, with their levels inside and along the border.
-    pub(crate) layers: &'r [ElevationLayer<'a>],
-    /// From normal and samples to a height in metres.
-    pub(crate) fuse: &'r dyn Fn(DVec3, &[Option<i32>]) -> f64,
-    /// Stands for whatever `fuse` depends on.
-    pub(crate) content: u64,
-}
-
-impl MeshRequest<'_, '_> {
-    fn key(&self) -> MeshKey {
-        let mut hasher = DefaultHasher::new();
-        self.content.hash(&mut hasher);
-        for layer in self.layers {
-            layer.levels.hash(&mut hasher);
+impl Mesh {
+    pub(crate) fn draw(&self) -> MeshDraw {
+        MeshDraw {
+            argument: self.argument,
+            serial: self.serial,
+            triangles: self.indices / 3,
         }
-        (self.tile, hasher.finish())
     }
+}
+
+/// All meshes.
+#[derive(Debug)]
+pub(crate) struct Meshes {
+    pub(crate) vertices: wgpu::Buffer,
+    pub(crate) indices: wgpu::Buffer,
+    pub(crate) arguments: wgpu::Buffer,
+    vertex_spans: Spans,
+    index_spans: Spans,
+    argument_spans: Spans,
+    most_vertices: u32,
+    known: HashMap<MeshKey, Mesh>,
+    serial: u64,
 }
 
 impl Meshes {
-    /// Slots for patches of refinement level `refinement` within `budget_bytes`, at least 64.
-    pub(crate) fn new(gpu: &Gpu, refinement: u8, budget_bytes: u64) -> Result<Self, RenderError> {
-        let patch = Patch::new(refinement).map_err(|error| RenderError::Mesh(error.to_string()))?;
-        let slot_bytes = patch.positions.len() as u64 * VERTEX_BYTES;
-        let most = (gpu.device.limits().max_buffer_size / slot_bytes).min(8192);
-        let capacity = (budget_bytes / slot_bytes).clamp(64, most.max(64)) as u32;
-        let vertices = gpu.device.create_buffer(&wgpu::BufferDescriptor {
-            label: Some("patch vertices"),
-            size: u64::from(capacity) * slot_bytes,
-            usage: wgpu::BufferUsages::VERTEX | wgpu::BufferUsages::COPY_DST,
-            mapped_at_creation: false,
-        });
-        let mut all_indices: Vec<u16> = Vec::new();
-        let mut variants = [(0, 0); 16];
-        for (border, range) in variants.iter_mut().enumerate() {
-            let indices = &patch.indices[border];
-            *range = (all_indices.len() as u32, indices.len() as u32);
-            all_indices.extend_from_slice(indices);
+    /// Room for meshes within `budget_bytes`, but for at least one leaf's whole lattice.
+    pub(crate) fn new(gpu: &Gpu, budget_bytes: u64) -> Self {
+        let per_vertex = VERTEX_BYTES + INDEX_BYTES * u64::from(INDICES_PER_VERTEX);
+        let limit = gpu.device.limits().max_storage_buffer_binding_size / VERTEX_BYTES;
+        let most = (budget_bytes / per_vertex).min(limit);
+        let most_vertices = u32::try_from(most).unwrap_or(u32::MAX).max(2 * FIRST_VERTICES);
+        Self {
+            vertices: vertex_buffer(gpu, FIRST_VERTICES),
+            indices: index_buffer(gpu, FIRST_VERTICES * INDICES_PER_VERTEX),
+            arguments: argument_buffer(gpu, FIRST_MESHES),
+            vertex_spans: Spans::new(FIRST_VERTICES),
+            index_spans: Spans::new(FIRST_VERTICES * INDICES_PER_VERTEX),
+            argument_spans: Spans::new(FIRST_MESHES),
+            most_vertices,
+            known: HashMap::new(),
+            serial: 0,
         }
-        // Buffer copies move whole words.
-        if all_indices.len() % 2 == 1 {
-            all_indices.push(0);
-        }
-        let indices = gpu.device.create_buffer(&wgpu::BufferDescriptor {
-            label: Some("patch indices"),
-            size: size_of_val(all_indices.as_slice()) as u64,
-            usage: wgpu::BufferUsages::INDEX | wgpu::BufferUsages::COPY_DST,
-            mapped_at_creation: false,
-        });
-        gpu.queue
-            .write_buffer(&indices, 0, bytemuck::cast_slice(&all_indices));
-        Ok(Self {
-            patch,
-            vertices,
-            indices,
-            variants,
-            slots: HashMap::new(),
-            free: (0..capacity).rev().collect(),
-            capacity,
-            used_slots: 0,
-            vertices_scratch: Vec::new(),
-            bytes_scratch: Vec::new(),
-        })
     }
 
-    /// Patches that can be drawn in one frame.
-    pub(crate) fn capacity(&self) -> usize {
-        self.capacity as usize
+    /// Triangles that fit if nothing else is there.
+    pub(crate) fn most_triangles(&self) -> u32 {
+        self.most_vertices.saturating_mul(INDICES_PER_VERTEX / 3)
     }
 
-    /// True where the mesh is there in this form. Does not count as use.
-    pub(crate) fn holds(&self, request: &MeshRequest<'_, '_>) -> bool {
-        self.slots.contains_key(&request.key())
+    /// The mesh, which counts as used in this frame.
+    pub(crate) fn get(&mut self, key: MeshKey, frame: u64) -> Option<Mesh> {
+        let mesh = self.known.get_mut(&key)?;
+        mesh.used = frame;
+        Some(*mesh)
     }
 
-    /// The mesh of a tile, built and uploaded where it is not there in this form. The flag tells whether
-    /// it was. `None` when every slot is in use in this frame, or data that the seams name is not in
-    /// memory any more; the next frame asks for it again.
-    pub(crate) fn prepare(
+    /// Room for a new mesh, to be written by the caller. `None` where even without all meshes that are not in use in
+    /// this frame there is none.
+    pub(crate) fn lend(
         &mut self,
         gpu: &Gpu,
-        ellipsoid: &Ellipsoid,
-        request: &MeshRequest<'_, '_>,
+        key: MeshKey,
+        vertices: u32,
+        triangles: u32,
         frame: u64,
-    ) -> Option<(MeshDraw, bool)> {
-        let key = request.key();
-        if let Some(known) = self.slots.get_mut(&key) {
-            known.used = frame;
-            let slot = known.slot;
-            return Some((self.draw(slot, request.variant), false));
-        }
-        let mut vertices = std::mem::take(&mut self.vertices_scratch);
-        vertices.clear();
-        let built = terrain::build(
-            ellipsoid,
-            request.tile,
-            request.layers,
-            &self.patch,
-            request.fuse,
-            &mut vertices,
-        );
-        let slot = match built {
-            Ok(_) => self.slot_for(key, frame),
-            Err(error) => {
-                tracing::warn!(%error, "a mesh waits for its elevation");
-                None
-            }
+    ) -> Option<Mesh> {
+        self.forget(key);
+        let indices = triangles.checked_mul(3)?;
+        let first_vertex = self.room(gpu, vertices, frame, Room::Vertices)?;
+        let Some(first_index) = self.room(gpu, indices, frame, Room::Indices) else {
+            self.vertex_spans.take_back(first_vertex, vertices);
+            return None;
         };
-        if let Some(slot) = slot {
-            self.bytes_scratch.clear();
-            self.bytes_scratch
-                .extend(vertices.iter().flat_map(Vertex::to_bytes));
-            let offset = u64::from(slot) * self.patch.positions.len() as u64 * VERTEX_BYTES;
-            gpu.queue
-                .write_buffer(&self.vertices, offset, &self.bytes_scratch);
-        }
-        self.vertices_scratch = vertices;
-        slot.map(|slot| (self.draw(slot, request.variant), true))
-    }
-
-    fn slot_for(&mut self, key: MeshKey, frame: u64) -> Option<u32> {
-        let slot = self.free.pop().or_else(|| self.evict(frame))?;
-        self.used_slots = self.used_slots.max(slot + 1);
-        self.slots.insert(key, Slot { slot, used: frame });
-        Some(slot)
-    }
-
-    /// The part of the vertex buffer that was ever written. No more is bound, because what is bound must
-    /// be cleared first.
-    pub(crate) fn written(&self) -> wgpu::BufferSlice<'_> {
-        let slot_bytes = self.patch.positions.len() as u64 * VERTEX_BYTES;
-        self.vertices
-            .slice(..u64::from(self.used_slots.max(1)) * slot_bytes)
-    }
-
-    fn draw(&self, slot: u32, variant: u8) -> MeshDraw {
-        let (first_index, index_count) = self.variants[usize::from(variant & 15)];
-        MeshDraw {
-            base_vertex: (slot as usize * self.patch.positions.len()) as i32,
+        let Some(argument) = self.room(gpu, 1, frame, Room::Arguments) else {
+            self.vertex_spans.take_back(first_vertex, vertices);
+            self.index_spans.take_back(first_index, indices);
+            return None;
+        };
+        self.serial += 1;
+        let mesh = Mesh {
+            first_vertex,
+            vertices,
             first_index,
-            index_count,
+            indices,
+            argument,
+            serial: self.serial,
+            used: frame,
+        };
+        self.known.insert(key, mesh);
+        Some(mesh)
+    }
+
+    /// Forgets a mesh.
+    pub(crate) fn forget(&mut self, key: MeshKey) {
+        if let Some(mesh) = self.known.remove(&key) {
+            self.vertex_spans.take_back(mesh.first_vertex, mesh.vertices);
+            self.index_spans.take_back(mesh.first_index, mesh.indices);
+            self.argument_spans.take_back(mesh.argument, 1);
         }
     }
 
-    fn evict(&mut self, frame: u64) -> Option<u32> {
-        let oldest = self
-            .slots
-            .iter()
-            .filter(|(_, slot)| slot.used < frame)
-            .min_by_key(|(key, slot)| (slot.used, **key))
-            .map(|(key, _)| *key)?;
-        self.slots.remove(&oldest).map(|slot| slot.slot)
+    fn spans(&mut self, room: Room) -> &mut Spans {
+        match room {
+            Room::Vertices => &mut self.vertex_spans,
+            Room::Indices => &mut self.index_spans,
+            Room::Arguments => &mut self.argument_spans,
+        }
     }
+
+    /// A span: a free one, else of a buffer made larger, else of the meshes unused for longest.
+    fn room(&mut self, gpu: &Gpu, length: u32, frame: u64, room: Room) -> Option<u32> {
+        loop {
+            if let Some(start) = self.spans(room).lend(length) {
+                return Some(start);
+            }
+            if !self.grow(gpu, room) && !self.evict(frame) {
+                return None;
+            }
+        }
+    }
+
+    /// Doubles a buffer within the budget. What is in it stays. False where it is as large as it may be.
+    fn grow(&mut self, gpu: &Gpu, room: Room) -> bool {
+        let most = match room {
+            Room::Vertices => self.most_vertices,
+            Room::Indices => self.most_vertices.saturating_mul(INDICES_PER_VERTEX),
+            Room::Arguments => 1 << 16,
+        };
+        let capacity = self.spans(room).capacity();
+        let grown = capacity.saturating_mul(2).min(most);
+        if grown <= capacity {
+            return false;
+        }
+        let (old, new) = match room {
+            Room::Vertices => (&mut self.vertices, vertex_buffer(gpu, grown)),
+            Room::Indices => (&mut self.indices, index_buffer(gpu, grown)),
+            Room::Arguments => (&mut self.arguments, argument_buffer(gpu, grown)),
+        };
+        let mut encoder = gpu
+            .device
+            .create_command_encoder(&wgpu::CommandEncoderDescriptor {
+                label: Some("meshes grow"),
+            });
+        encoder.copy_buffer_to_buffer(old, 0, &new, 0, old.size());
+        gpu.queue.submit([encoder.finish()]);
+        *old = new;
+        self.spans(room).grow(grown);
+        true
+    }
+
+    /// Gives up the mesh unused for longest; false where all are in use.
+    fn evict(&mut self, frame: u64) -> bool {
+        let oldest = self
+            .known
+            .iter()
+            .filter(|(_, mesh)| mesh.used < frame)
+            .min_by_key(|(key, mesh)| (mesh.used, **key))
+            .map(|(key, _)| *key);
+        oldest.inspect(|key| self.forget(*key)).is_some()
+    }
+}
+
+#[derive(Clone, Copy)]
+enum Room {
+    Vertices,
+    Indices,
+    Arguments,
+}
+
+fn buffer(gpu: &Gpu, label: &'static str, bytes: u64, usage: wgpu::BufferUsages) -> wgpu::Buffer {
+    gpu.device.create_buffer(&wgpu::BufferDescriptor {
+        label: Some(label),
+        size: bytes,
+        usage: usage
+            | wgpu::BufferUsages::STORAGE
+            | wgpu::BufferUsages::COPY_SRC
+            | wgpu::BufferUsages::COPY_DST,
+        mapped_at_creation: false,
+    })
+}
+
+fn vertex_buffer(gpu: &Gpu, vertices: u32) -> wgpu::Buffer {
+    let bytes = u64::from(vertices) * VERTEX_BYTES;
+    buffer(gpu, "mesh vertices", bytes, wgpu::BufferUsages::VERTEX)
+}
+
+fn index_buffer(gpu: &Gpu, indices: u32) -> wgpu::Buffer {
+    let bytes = u64::from(indices) * INDEX_BYTES;
+    buffer(gpu, "mesh indices", bytes, wgpu::BufferUsages::INDEX)
+}
+
+fn argument_buffer(gpu: &Gpu, meshes: u32) -> wgpu::Buffer {
+    let bytes = u64::from(meshes) * ARGUMENT_WORDS * 4;
+    buffer(gpu, "draw arguments", bytes, wgpu::BufferUsages::INDIRECT)
 }

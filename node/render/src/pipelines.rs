@@ -1,6 +1,8 @@
 //! The draw pipelines and what is bound to them: terrain, sky, and the copy into a window.
 //! In: a device. Out: pipelines, layouts, and the growing buffers for frames and tile records.
 
+use std::cell::OnceCell;
+
 use shaders::{FrameUniform, Stage, TileRecord};
 
 use crate::error::RenderError;
@@ -21,6 +23,9 @@ const ATTRIBUTES: [wgpu::VertexAttribute; 4] = wgpu::vertex_attr_array![
 pub(crate) struct Pipelines {
     pub(crate) terrain: wgpu::RenderPipeline,
     pub(crate) atmosphere: wgpu::RenderPipeline,
+    /// The edges of triangles; made when it is first wanted.
+    wireframe: OnceCell<wgpu::RenderPipeline>,
+    pipeline_layout: wgpu::PipelineLayout,
     layout: wgpu::BindGroupLayout,
     sampler: wgpu::Sampler,
     frames: wgpu::Buffer,
@@ -57,6 +62,8 @@ impl Pipelines {
         Ok(Self {
             terrain,
             atmosphere,
+            wireframe: OnceCell::new(),
+            pipeline_layout,
             layout,
             sampler,
             frames,
@@ -102,6 +109,24 @@ impl Pipelines {
         }
         gpu.queue
             .write_buffer(&self.records, 0, bytemuck::cast_slice(records));
+    }
+
+    /// The pipeline that draws edges. Refused by a device that draws no lines.
+    pub(crate) fn wireframe(&self, gpu: &Gpu) -> Result<&wgpu::RenderPipeline, RenderError> {
+        if let Some(made) = self.wireframe.get() {
+            return Ok(made);
+        }
+        if !gpu
+            .device
+            .features()
+            .contains(wgpu::Features::POLYGON_MODE_LINE)
+        {
+            return Err(RenderError::NoWireframe {
+                adapter: gpu.name(),
+            });
+        }
+        let made = draw_pipeline(gpu, &self.pipeline_layout, Stage::Wireframe)?;
+        Ok(self.wireframe.get_or_init(|| made))
     }
 
     /// The dynamic offset of a block's frame.
@@ -216,7 +241,8 @@ fn draw_pipeline(
             label: Some(stage.name()),
             source: wgpu::ShaderSource::Wgsl(stage.source()?.into()),
         });
-    let is_terrain = stage == Stage::Terrain;
+    let is_wireframe = stage == Stage::Wireframe;
+    let is_terrain = stage == Stage::Terrain || is_wireframe;
     let vertices = wgpu::VertexBufferLayout {
         array_stride: terrain::Vertex::BYTES as u64,
         step_mode: wgpu::VertexStepMode::Vertex,
@@ -226,7 +252,7 @@ fn draw_pipeline(
         if is_terrain { &[Some(vertices)] } else { &[] };
     let depth = wgpu::DepthStencilState {
         format: DEPTH,
-        depth_write_enabled: Some(is_terrain),
+        depth_write_enabled: Some(is_terrain && !is_wireframe),
         // Reversed depth: nearer is greater; the sky shows only where nothing was drawn (depth 0).
         depth_compare: Some(if is_terrain {
             wgpu::CompareFunction::Greater
@@ -249,6 +275,11 @@ fn draw_pipeline(
             },
             primitive: wgpu::PrimitiveState {
                 cull_mode: is_terrain.then_some(wgpu::Face::Back),
+                polygon_mode: if is_wireframe {
+                    wgpu::PolygonMode::Line
+                } else {
+                    wgpu::PolygonMode::Fill
+                },
                 ..wgpu::PrimitiveState::default()
             },
             depth_stencil: Some(depth),

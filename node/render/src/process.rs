@@ -113,11 +113,37 @@ impl Processor {
         finish: &Finish<'_>,
         steps_left: Option<&mut u32>,
     ) -> Result<Made, RenderError> {
-        self.runs += 1;
+        self.begin();
         let made = self.make(gpu, scene, cache, plan, finish, steps_left);
         // Whatever became of it: results that are kept must be in the device's hands before their inputs are lent again.
         self.stages.submit(gpu);
         made
+    }
+
+    /// Begins a run. What is used from now on stays until the next one begins.
+    pub(crate) fn begin(&mut self) {
+        self.runs += 1;
+    }
+
+    /// Sends what was begun to the device.
+    pub(crate) fn submit(&mut self, gpu: &Gpu) {
+        self.stages.submit(gpu);
+    }
+
+    /// Makes what a plan leads to, as part of the present run.
+    pub(crate) fn make_root(
+        &mut self,
+        gpu: &Gpu,
+        scene: &LoadedScene,
+        cache: &TileCache,
+        plan: &Plan,
+    ) -> Result<Made, RenderError> {
+        self.make_nodes(gpu, scene, cache, plan, None)
+    }
+
+    /// A result to read.
+    pub(crate) fn slot(&self, key: slots::ResultKey) -> Option<&Slot> {
+        self.slots.peek(key)
     }
 
     fn make(
@@ -129,10 +155,25 @@ impl Processor {
         finish: &Finish<'_>,
         mut steps_left: Option<&mut u32>,
     ) -> Result<Made, RenderError> {
-        let run = self.runs;
         let Some(root) = plan.key() else {
             return Ok(Made::Whole);
         };
+        let made = self.make_nodes(gpu, scene, cache, plan, steps_left.as_deref_mut())?;
+        if made != Made::Whole {
+            return Ok(made);
+        }
+        self.finish(gpu, scene, root, finish, steps_left)
+    }
+
+    fn make_nodes(
+        &mut self,
+        gpu: &Gpu,
+        scene: &LoadedScene,
+        cache: &TileCache,
+        plan: &Plan,
+        mut steps_left: Option<&mut u32>,
+    ) -> Result<Made, RenderError> {
+        let run = self.runs;
         let missing = self.missing(plan);
         // What is read must not be taken for what is written.
         for node in &plan.nodes {
@@ -199,7 +240,18 @@ impl Processor {
                 }
             }
         }
-        let Some(slot) = self.slots.get(root, run) else {
+        Ok(Made::Whole)
+    }
+
+    fn finish(
+        &mut self,
+        gpu: &Gpu,
+        scene: &LoadedScene,
+        root: slots::ResultKey,
+        finish: &Finish<'_>,
+        steps_left: Option<&mut u32>,
+    ) -> Result<Made, RenderError> {
+        let Some(slot) = self.slots.get(root, self.runs) else {
             return Ok(Made::Nothing);
         };
         let (stage, uniform, arrays) = match finish {

@@ -7,6 +7,7 @@ use terrain::{HeightRanges, Relief};
 
 use crate::layer::{Blend, Elevation, Process};
 use crate::loaded::{Active, LoadedScene, ParameterSet};
+use crate::scene::Refine;
 use crate::source::Source;
 
 /// How deep a planet without elevation is divided for its curvature alone: at this level, with the base
@@ -57,8 +58,11 @@ impl HeightRanges for Ranges<'_> {
 
     fn is_worth_dividing(&self, tile: Tile) -> bool {
         let scene = self.0;
-        // A patch has vertices on every node of data this many levels up.
-        let reach = (geodesy::LATTICE_BITS - 1).saturating_sub(scene.data.refinement);
+        // A base patch has vertices on every node of data this many levels up; a refined mesh on its own.
+        let reach = match scene.data.refine {
+            Refine::Off => (geodesy::LATTICE_BITS - 1).saturating_sub(scene.data.refinement),
+            Refine::Fine | Refine::BottomUp | Refine::TopDown => 0,
+        };
         let meshed = scene
             .elevation_layers
             .iter()
@@ -151,7 +155,7 @@ fn fused_range(set: &ParameterSet, range_of: &dyn Fn(&Active) -> Option<(f64, f6
 }
 
 /// Bounds in quanta to bounds of processed heights in metres.
-fn processed(active: &Active, source: &Source, quanta: (f64, f64)) -> Option<(f64, f64)> {
+pub(crate) fn processed(active: &Active, source: &Source, quanta: (f64, f64)) -> Option<(f64, f64)> {
     let Process::Elevation(elevation) = &active.process else {
         return None;
     };
@@ -170,6 +174,6 @@ fn height_m(elevation: &Elevation, raw_m: f64) -> f64 {
     height_m.max(lowest_m).min(highest_m)
 }
 
-fn around(a: (f64, f64), b: (f64, f64)) -> (f64, f64) {
+pub(crate) fn around(a: (f64, f64), b: (f64, f64)) -> (f64, f64) {
     (a.0.min(b.0), a.1.max(b.1))
 }

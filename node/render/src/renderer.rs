@@ -6,6 +6,7 @@
 
 mod ahead;
 mod blocks;
+mod measure;
 
 use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
@@ -20,11 +21,14 @@ use tiles::{DatasetId, TileCache, Wish};
 use crate::canvas::{OutputPlan, PlanarScreen};
 use crate::error::RenderError;
 use crate::gather::{BlockDraws, Gather};
+use crate::geometry::Geometries;
 use crate::gpu::Gpu;
 use crate::loaded::LoadedScene;
-use crate::meshes::Meshes;
+use crate::meshes::{ARGUMENT_WORDS, Meshes};
 use crate::pipelines::Pipelines;
 use crate::process::Processor;
+use crate::refine::{PassTimes, Refiner};
+use crate::refining::Refined;
 use crate::source::Source;
 use crate::target::{BlockTarget, OutputTarget, Picture};
 use crate::textures::SurfaceTextures;
@@ -32,6 +36,7 @@ use crate::uniform::frame_uniform;
 use blocks::{block_layouts, copy_block, filled_blocks, plan_blocks};
 
 pub use ahead::AheadStatistics;
+pub use measure::{ErrorMeasure, PassTime};
 pub(crate) use blocks::PlannedBlock;
 
 /// The longest that processing for the shown scene may hold up one frame.
@@ -91,8 +96,13 @@ pub struct FrameStatistics {
     pub processed_tiles: u32,
     /// The scene in preparation, once everything that this view needs of it is there.
     pub prepared: Option<u64>,
-    /// Meshes built in this frame.
+    /// Leaves whose heights were brought to the device in this frame.
     pub meshes_built: u32,
+    /// Leaves whose mesh was made in this frame. All others were used again.
+    pub refined_leaves: u32,
+    /// The screen-space error in wall pixels that the meshes stay under: the scene's τ, or a multiple of it where the
+    /// memory for meshes forbids it. 0 where nothing is refined.
+    pub achieved_tau_px: f64,
     /// The side in pixels beyond which tiles were split: the scene's, or more where budgets forbid it.
     pub achieved_tile_px: f64,
 }
@@ -106,8 +116,13 @@ pub struct Renderer {
     textures: SurfaceTextures,
     processor: Processor,
     pipelines: Pipelines,
-    /// Meshes by refinement of their patches: those of the shown scene, and of the next where it differs.
-    meshes: Vec<(u8, Meshes)>,
+    geometries: Geometries,
+    refiner: Refiner,
+    meshes: Meshes,
+    /// How many times τ meshes may be off, so that all of them fit.
+    tau_steps: u32,
+    /// Times of passes on the device, while they are wanted.
+    times: Option<PassTimes>,
     scene: Option<LoadedScene>,
     /// The scene in preparation.
     next: Option<LoadedScene>,
@@ -144,6 +159,8 @@ struct LastFrame {
     pending: HashSet<(DatasetId, Tile)>,
     /// Some data could not be had.
     lacks: bool,
+    /// What each eye's leaves were made of.
+    refined: Vec<Refined>,
     statistics: FrameStatistics,
 }
 
@@ -158,6 +175,7 @@ struct Gathered {
     behind: bool,
     /// Some data could not be had.
     lacks: bool,
+    refined: Vec<Refined>,
     statistics: FrameStatistics,
 }
 
@@ -181,9 +199,13 @@ impl Renderer {
         outputs: &[OutputPlan],
         budget: RenderBudget,
     ) -> Result<Self, RenderError> {
-        // An eighth for meshes, a half for what is drawn, the rest for what it is made of.
-        let textures = SurfaceTextures::new(&gpu, budget.gpu_bytes / 2);
-        let processor = Processor::new(&gpu, budget.gpu_bytes / 8 * 3);
+        // Three eighths for what is seen, a quarter for what it is made of, a quarter for heights and their errors, an
+        // eighth for meshes.
+        let textures = SurfaceTextures::new(&gpu, budget.gpu_bytes / 8 * 3);
+        let processor = Processor::new(&gpu, budget.gpu_bytes / 4);
+        let geometries = Geometries::new(&gpu, budget.gpu_bytes / 4);
+        let meshes = Meshes::new(&gpu, budget.gpu_bytes / 8);
+        let refiner = Refiner::new(&gpu);
         let pipelines = Pipelines::new(&gpu, &textures)?;
         let outputs = outputs
             .iter()
@@ -197,7 +219,11 @@ impl Renderer {
             textures,
             processor,
             pipelines,
-            meshes: Vec::new(),
+            geometries,
+            refiner,
+            meshes,
+            tau_steps: 1,
+            times: None,
             scene: None,
             next: None,
             next_wants: Vec::new(),
@@ -276,6 +302,7 @@ impl Renderer {
         if self.frame == 1 {
             // Not before: the first picture needs the processors itself.
             self.processor.warm(&self.gpu);
+            self.refiner.warm(&self.gpu);
         }
         self.scene = Some(scene);
         drawn
@@ -309,7 +336,7 @@ impl Renderer {
                 && last.view == *view
                 && last.draws == gathered.draws
                 && last.records == gathered.records
-                && gathered.statistics.meshes_built == 0
+                && gathered.statistics.refined_leaves == 0
                 && gathered.statistics.processed_tiles == 0
         });
         if !unchanged {
@@ -321,7 +348,7 @@ impl Renderer {
                 .write(&self.gpu, &self.textures, &frames, &gathered.records);
             let filled = filled_blocks(scene, view, &blocks);
             let begin = Instant::now();
-            self.render(&blocks, &gathered.draws, &filled, scene.data.refinement)?;
+            self.render(&blocks, &gathered.draws, &filled, scene.data.wireframe)?;
             self.draw_time = begin.elapsed();
         }
         gathered.statistics.redrawn = !unchanged;
@@ -337,6 +364,7 @@ impl Renderer {
             wants: gathered.wants,
             pending: gathered.pending,
             lacks: gathered.lacks,
+            refined: gathered.refined,
             statistics: gathered.statistics,
         });
         self.request();
@@ -359,19 +387,16 @@ impl Renderer {
         upload_until: Instant,
         ahead: bool,
     ) -> Result<Gathered, RenderError> {
-        let refinement = scene.data.refinement;
-        let of_scene = |(known, _): &&mut (u8, Meshes)| *known == refinement;
-        let Some((_, meshes)) = self.meshes.iter_mut().find(of_scene) else {
-            return Err(RenderError::UnknownScene {
-                revision: scene.revision,
-            });
-        };
         let mut gather = Gather {
             gpu: &self.gpu,
             cache: &self.cache,
             textures: &mut self.textures,
             processor: &mut self.processor,
-            meshes,
+            geometries: &mut self.geometries,
+            refiner: &mut self.refiner,
+            meshes: &mut self.meshes,
+            tau_steps: &mut self.tau_steps,
+            times: &mut self.times,
             scene,
             shares: self.next.is_some() || self.last.is_some(),
             ahead,
@@ -393,6 +418,7 @@ impl Renderer {
             behind: false,
             lacks: false,
             broken: HashMap::new(),
+            refined: Vec::new(),
             shown: Vec::new(),
             statistics: FrameStatistics {
                 converged: true,
@@ -407,6 +433,7 @@ impl Renderer {
         let pending = std::mem::take(&mut gather.pending);
         let wants = std::mem::take(&mut gather.wants);
         let shown = std::mem::take(&mut gather.shown);
+        let refined = std::mem::take(&mut gather.refined);
         self.new_tiles
             .extend(shown.into_iter().filter(|number| self.used.insert(*number)));
         Ok(Gathered {
@@ -416,6 +443,7 @@ impl Renderer {
             pending,
             behind,
             lacks,
+            refined,
             statistics,
         })
     }
@@ -425,11 +453,12 @@ impl Renderer {
         blocks: &[PlannedBlock],
         draws: &[BlockDraws],
         filled: &[bool],
-        refinement: u8,
+        wireframe: bool,
     ) -> Result<(), RenderError> {
-        let of_scene = |(known, _): &&(u8, Meshes)| *known == refinement;
-        let Some((_, meshes)) = self.meshes.iter().find(of_scene) else {
-            return Ok(());
+        let meshes = &self.meshes;
+        let wireframe = match wireframe {
+            true => Some(self.pipelines.wireframe(&self.gpu)?),
+            false => None,
         };
         let mut encoder = self
             .gpu
@@ -488,11 +517,18 @@ impl Renderer {
                 &[self.pipelines.frame_offset(index)],
             );
             pass.set_pipeline(&self.pipelines.terrain);
-            pass.set_vertex_buffer(0, meshes.written());
-            pass.set_index_buffer(meshes.indices.slice(..), wgpu::IndexFormat::Uint16);
-            for (record, mesh) in &draws.patches {
-                let range = mesh.first_index..mesh.first_index + mesh.index_count;
-                pass.draw_indexed(range, mesh.base_vertex, *record..*record + 1);
+            pass.set_vertex_buffer(0, meshes.vertices.slice(..));
+            pass.set_index_buffer(meshes.indices.slice(..), wgpu::IndexFormat::Uint32);
+            for draw in &draws.patches {
+                let offset = u64::from(draw.argument) * ARGUMENT_WORDS * 4;
+                pass.draw_indexed_indirect(&meshes.arguments, offset);
+            }
+            if let Some(wireframe) = wireframe {
+                pass.set_pipeline(wireframe);
+                for draw in &draws.patches {
+                    let offset = u64::from(draw.argument) * ARGUMENT_WORDS * 4;
+                    pass.draw_indexed_indirect(&meshes.arguments, offset);
+                }
             }
             if !filled.get(index).copied().unwrap_or_default() {
                 pass.set_pipeline(&self.pipelines.atmosphere);

@@ -31,6 +31,19 @@ pub struct Air {
     pub colour: [f64; 3],
 }
 
+/// How the mesh of a leaf is made out of its edge mark array (Lambers 2011, chapter 3).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Refine {
+    /// The base patch, whatever error that leaves.
+    Off,
+    /// Every mark is set: all samples are vertices.
+    Fine,
+    /// Every mark is tested, short edges first.
+    BottomUp,
+    /// Triangles are split from the coarsest on, where they must be. Gives the same mesh as [`Refine::BottomUp`].
+    TopDown,
+}
+
 /// What to draw.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SceneData {
@@ -44,7 +57,13 @@ pub struct SceneData {
     pub light: Light,
     /// Air.
     pub air: Air,
-    /// Refinement level l of the base patches, 0…7.
+    /// How a leaf's mesh is made.
+    pub refine: Refine,
+    /// The screen-space error in wall pixels that a refined mesh stays under, > 0.
+    pub tau_px: f64,
+    /// Draws the edges of the mesh and of the quadtree over the surface.
+    pub wireframe: bool,
+    /// Refinement level l of the base patches, 0…7, for [`Refine::Off`].
     pub refinement: u8,
     /// Side in pixels beyond which a tile is split.
     pub tile_px: f64,

@@ -280,7 +280,7 @@ impl Gather<'_> {
     }
 
     /// Data that a result was made of counts as used.
-    fn note_used(&mut self, plan: &Plan) {
+    pub(crate) fn note_used(&mut self, plan: &Plan) {
         for node in &plan.nodes {
             if let Work::Upload { layer, source, .. } = &node.work
                 && let Some(data) = self.scene.source(*layer)

@@ -17,7 +17,7 @@ use crate::canvas::{ChannelPlan, OutputPlan, PixelRect, PlanarScreen};
 use crate::device_tests::device;
 use crate::layer::{Blend, Elevation, Fusion, Imagery, LayerData, LayerParameters, Process};
 use crate::renderer::{FrameStatistics, RenderBudget, Renderer, ViewPoint};
-use crate::scene::{Air, Light, SceneData};
+use crate::scene::{Air, Light, Refine, SceneData};
 use crate::target::Picture;
 
 pub(crate) const CANVAS: [u32; 2] = [320, 180];
@@ -172,6 +172,9 @@ impl Planet {
                 thickness_m: 10_000.0,
                 colour: [0.5, 0.7, 1.0],
             },
+            refine: Refine::TopDown,
+            tau_px: 1.0,
+            wireframe: false,
             refinement: 3,
             tile_px: 100.0,
             deepest_level: 8,

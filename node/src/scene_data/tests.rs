@@ -25,6 +25,9 @@ thickness_m = 64000.0
 colour = [0.25, 0.36, 0.49]
 
 [mesh]
+refine = "bottom-up"
+tau = 2.5
+wireframe = true
 refinement = 5
 tile_px = 300.0
 deepest_level = 17
@@ -132,6 +135,19 @@ fn every_value_of_a_scene_is_drawn() {
         (data.refinement, data.tile_px, data.deepest_level),
         (5, 300.0, 17)
     );
+    assert_eq!(
+        (data.refine, data.tau_px, data.wireframe),
+        (render::Refine::BottomUp, 2.5, true)
+    );
+    for (name, refine) in [
+        ("off", render::Refine::Off),
+        ("fine", render::Refine::Fine),
+        ("top-down", render::Refine::TopDown),
+    ] {
+        let text = SCENE.replacen("bottom-up", name, 1);
+        let scene = Scene::parse(&text, "test").unwrap();
+        assert_eq!(scene_data(&scene, sun).refine, refine);
+    }
     let names: Vec<&str> = data
         .layers
         .iter()

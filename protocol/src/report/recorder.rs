@@ -5,10 +5,10 @@ use std::collections::{BTreeMap, HashSet};
 
 use super::changes::ChangeTally;
 use super::tally::{SeriesTally, Tally};
-use super::{Max, NodeReport, Report, TileReport};
+use super::{ErrorReport, Max, NodeReport, Report, TileReport};
 use crate::barrier::NodeId;
 use crate::membership::Membership;
-use crate::message::{Presented, TileCounters};
+use crate::message::{ErrorMeasured, Presented, TileCounters};
 use crate::wall::Wall;
 
 /// Frames whose reports are still waited for.
@@ -22,6 +22,7 @@ const MAX_TILES: usize = 4_000_000;
 #[derive(Debug)]
 pub struct Recorder {
     wall: String,
+    names: Vec<String>,
     nodes: Vec<NodeTally>,
     open: BTreeMap<u64, OpenFrame>,
     closed_below: u64,
@@ -39,6 +40,9 @@ pub struct Recorder {
     errors: Vec<String>,
     series: SeriesTally,
     changes: ChangeTally,
+    error_px: ErrorReport,
+    achieved_tau_px: f64,
+    refined_leaves: u64,
 }
 
 #[derive(Clone, Debug)]
@@ -75,6 +79,7 @@ impl Recorder {
         };
         Self {
             wall: wall.name.clone(),
+            names: wall.hosts.iter().map(|host| host.name.clone()).collect(),
             nodes: wall.hosts.iter().map(node).collect(),
             open: BTreeMap::new(),
             closed_below: 0,
@@ -92,6 +97,9 @@ impl Recorder {
             errors: Vec::new(),
             series: SeriesTally::new(),
             changes: ChangeTally::new(),
+            error_px: ErrorReport::default(),
+            achieved_tau_px: 0.0,
+            refined_leaves: 0,
         }
     }
 
@@ -113,6 +121,10 @@ impl Recorder {
         };
         tally.draw_us.add(i64::from(presented.draw_us));
         tally.triangles = tally.triangles.max(presented.triangles);
+        self.achieved_tau_px = self.achieved_tau_px.max(presented.achieved_tau_px);
+        self.refined_leaves = self
+            .refined_leaves
+            .saturating_add(u64::from(presented.refined_leaves));
         if presented.frame >= tally.newest_frame {
             tally.newest_frame = presented.frame;
             tally.converged = presented.converged;
@@ -181,6 +193,28 @@ impl Recorder {
         self.changes.shown(revision, frame, unprepared, now_us);
     }
 
+    /// The pictures that stand are of a scene with this τ, in wall pixels; what nodes measure of them follows.
+    pub fn tau(&mut self, tau: f64) {
+        self.error_px = ErrorReport::new(tau);
+    }
+
+    /// A node has measured its picture.
+    pub fn error_measured(&mut self, measured: &ErrorMeasured) {
+        self.error_px.add(measured);
+        self.achieved_tau_px = self.achieved_tau_px.max(measured.tau_px);
+    }
+
+    /// A node has not measured its picture.
+    pub fn error_unmeasured(&mut self, node: NodeId, reason: &str) {
+        let Some(name) = self.names.get(node).cloned() else {
+            return;
+        };
+        self.error(format!(
+            "the error of node \"{name}\" was not measured: {reason}"
+        ));
+        self.error_px.unmeasured.push(name);
+    }
+
     /// Something went wrong.
     pub fn error(&mut self, message: impl Into<String>) {
         if self.errors.len() < MAX_ERRORS {
@@ -204,6 +238,8 @@ impl Recorder {
         self.clock_error_us = 0;
         self.series = SeriesTally::new();
         self.changes = ChangeTally::new();
+        self.achieved_tau_px = 0.0;
+        self.refined_leaves = 0;
         for node in &mut self.nodes {
             node.draw_us = Tally::new();
             node.triangles = 0;
@@ -252,6 +288,17 @@ impl Recorder {
                 max: self.clock_error_us,
             },
             tiles: self.tile_report(),
+            error_px: self.error_px.clone(),
+            achieved_tau: (self.achieved_tau_px > 0.0).then_some(self.achieved_tau_px),
+            refined_leaves: self.refined_leaves,
+            triangles: Max {
+                max: self
+                    .nodes
+                    .iter()
+                    .map(|node| node.triangles)
+                    .max()
+                    .unwrap_or(0),
+            },
             converged: !self.nodes.is_empty() && self.nodes.iter().all(|node| node.converged),
             missed_deadlines: membership
                 .nodes()

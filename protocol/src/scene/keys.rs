@@ -8,7 +8,7 @@ use super::process::{
     Aspect, Elevation, Hillshade, Imagery, Isolines, Process, RampName, Sar, SarMapping, Slope,
 };
 use super::slot::{ABOVE_ZERO, Named, Slot};
-use super::{Atmosphere, Light, MeshOptions, Sun};
+use super::{Atmosphere, Light, MeshOptions, Refine, Sun};
 use crate::camera::{Orbit, Place};
 
 /// Farthest viewpoint: far enough for any picture, near enough for fixed-point positions.
@@ -61,6 +61,15 @@ impl Named for RampName {
         (Self::Sea, "sea"),
         (Self::Grey, "grey"),
         (Self::Hypsometric, "hypsometric"),
+    ];
+}
+
+impl Named for Refine {
+    const NAMES: &'static [(Self, &'static str)] = &[
+        (Self::Off, "off"),
+        (Self::Fine, "fine"),
+        (Self::BottomUp, "bottom-up"),
+        (Self::TopDown, "top-down"),
     ];
 }
 
@@ -255,6 +264,9 @@ impl Keyed for MeshOptions {
     fn fields(&mut self) -> Vec<Field<'_>> {
         let levels = 0..=i64::from(geodesy::MAX_LEVEL);
         vec![
+            Field::new("refine", Slot::Choice(&mut self.refine)),
+            Field::number("tau", &mut self.tau, 0.05..=100.0),
+            Field::new("wireframe", Slot::Flag(&mut self.wireframe)),
             Field::whole("refinement", &mut self.refinement, 0..=7),
             Field::number("tile_px", &mut self.tile_px, 16.0..=4096.0),
             Field::whole("deepest_level", &mut self.deepest_level, levels),

@@ -12,6 +12,7 @@ pub mod fuse_elevation;
 pub mod hillshade;
 pub mod imagery;
 pub mod isolines;
+pub mod leaf_heights;
 pub mod lens;
 pub mod ramp;
 pub mod relief;

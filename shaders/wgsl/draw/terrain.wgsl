@@ -5,6 +5,7 @@
 #import shared::fixed_point
 #import shared::cube
 #import shared::frame
+#import shared::vertex
 
 struct TileRecord {
     // Lattice units to texture coordinates: offset x, y; scale; layer.
@@ -19,13 +20,6 @@ struct TileRecord {
 @group(0) @binding(3) var relief_layers: texture_2d_array<f32>;
 @group(0) @binding(4) var bilinear: sampler;
 
-struct VertexIn {
-    @location(0) position_xy: vec4<u32>,
-    @location(1) position_z: vec2<u32>,
-    @location(2) normal: vec4<f32>,
-    @location(3) lattice: vec2<u32>,
-}
-
 struct VertexOut {
     @builtin(position) clip: vec4<f32>,
     @location(0) imagery: vec2<f32>,
@@ -33,14 +27,6 @@ struct VertexOut {
     // The sun in the vertex' tangent frame, and the share of haze.
     @location(2) sun: vec4<f32>,
     @location(3) @interpolate(flat, either) layers: vec2<u32>,
-}
-
-fn relative_position(vertex: VertexIn) -> vec3<f32> {
-    return vec3<f32>(
-        fixed_difference(vertex.position_xy.x, vertex.position_xy.y, frame.viewer_xy.x, frame.viewer_xy.y),
-        fixed_difference(vertex.position_xy.z, vertex.position_xy.w, frame.viewer_xy.z, frame.viewer_xy.w),
-        fixed_difference(vertex.position_z.x, vertex.position_z.y, frame.viewer_z.x, frame.viewer_z.y),
-    );
 }
 
 // The share of haze over a point: the path of the ray through a layer of constant density.

@@ -11,7 +11,6 @@ use tiles::Kind;
 
 use crate::error::RenderError;
 use crate::loaded::LoadedScene;
-use crate::meshes::Meshes;
 use crate::renderer::Renderer;
 use crate::renderer::blocks::plan_blocks;
 use crate::scene::SceneData;
@@ -93,13 +92,8 @@ impl Renderer {
     /// [`Renderer::open_ahead`] has them open, its tiles when they are looked at. On an error nothing changes.
     pub fn prepare_scene(&mut self, revision: u64, data: SceneData) -> Result<(), RenderError> {
         let known: Vec<&LoadedScene> = self.scene.iter().chain(&self.next).collect();
-        let refinement = data.refinement;
         let opened = std::mem::take(&mut self.opened);
         let loaded = LoadedScene::open(&self.cache, revision, data, &known, &opened)?;
-        if !self.meshes.iter().any(|(known, _)| *known == refinement) {
-            let meshes = Meshes::new(&self.gpu, refinement, self.budget.gpu_bytes / 8)?;
-            self.meshes.push((refinement, meshes));
-        }
         if self.scene.is_none() {
             self.scene = Some(loaded);
             self.switched = true;
@@ -108,11 +102,6 @@ impl Renderer {
             self.next_wants.clear();
             self.next_prepared_at = None;
         }
-        let scenes = [&self.scene, &self.next];
-        self.meshes.retain(|(refinement, _)| {
-            let mut used = scenes.iter().filter_map(|scene| scene.as_ref());
-            used.any(|scene| scene.data.refinement == *refinement)
-        });
         Ok(())
     }
 
@@ -136,9 +125,8 @@ impl Renderer {
         // Everything else that a picture is made of is compared with the last one's.
         if let (Some(before), Some(scene)) = (before, &self.scene) {
             let (old, new) = (&before.data, &scene.data);
-            self.relit |= (old.light, old.air, old.ellipsoid)
-                != (new.light, new.air, new.ellipsoid)
-                || old.refinement != new.refinement;
+            self.relit |= (old.light, old.air, old.ellipsoid, old.wireframe)
+                != (new.light, new.air, new.ellipsoid, new.wireframe);
         }
         Ok(())
     }

@@ -1,0 +1,494 @@
+//! From heights to meshes: geometries of leaves, what error they allow, and the meshes that keep it.
+//! In: a selection, the visible leaves with those around them, the elevation they show. Out: a mesh for each visible leaf.
+//! What a mesh depends on is its key, and all of that comes from view and scene alone: so a mesh is used again while the
+//! view barely moves, and still is the same on every node. No geometry is read back, only how much of it there is.
+
+use std::collections::HashMap;
+use std::hash::{DefaultHasher, Hash as _, Hasher as _};
+use std::sync::Arc;
+
+use geodesy::Tile;
+use geodesy::frame::scalar_f32;
+use glam::DVec3;
+use shaders::{EmitLeaf, RefineLeaf};
+use terrain::{Domain, ElevationLayer, RefineView, Selection};
+
+use crate::elevation::GatheredHeights;
+use crate::error::RenderError;
+use crate::gather::Gather;
+use crate::geometry::{Geometry, GeometryKey, TableKey, table_key};
+use crate::ground::{LeafSources, leaf_words};
+use crate::heights::{VertexHeights, heights_content};
+use crate::meshes::{Mesh, MeshKey};
+use crate::process::{Made, Plan};
+use crate::refine::{HeightsJob, MarkLimits, Marked, Method};
+use crate::scene::Refine;
+
+/// Steps on a processor that computes the stages itself which the geometry of one leaf counts for.
+const GEOMETRY_STEPS: u32 = 2;
+/// The share of the room for meshes below which a coarser τ is taken back: 2 of 5.
+const ROOMY: (u64, u64) = (2, 5);
+
+/// The leaves that a view refines, with what they are made of.
+#[derive(Debug)]
+pub(crate) struct Refined {
+    /// Visible leaves and those around them, sorted.
+    pub(crate) domain: Vec<Tile>,
+    /// Their geometries; `None` where data has left memory meanwhile.
+    pub(crate) geometries: Vec<Option<Geometry>>,
+    /// How the fused heights of each came about, and on which tile's lattice.
+    pub(crate) plans: Vec<(Tile, Arc<Plan>)>,
+    /// Edges of each beyond which a coarser leaf lies.
+    pub(crate) coarser: Vec<u8>,
+    /// The visible leaves that are drawn, with their meshes.
+    pub(crate) drawn: Vec<(Tile, MeshKey)>,
+    /// The eye, and what was selected for it.
+    pub(crate) eye: DVec3,
+    pub(crate) selection: Selection,
+}
+
+impl Refined {
+    /// The place of a leaf in the domain.
+    pub(crate) fn place(&self, leaf: Tile) -> Option<usize> {
+        self.domain.binary_search(&leaf).ok()
+    }
+
+    fn geometry(&self, leaf: Tile) -> Option<&Geometry> {
+        self.geometries.get(self.place(leaf)?)?.as_ref()
+    }
+}
+
+/// A leaf whose heights are on their way to the device.
+struct Waiting {
+    key: GeometryKey,
+    slot: u32,
+    unit_m: f64,
+    input: Option<wgpu::TextureView>,
+    origin: [i32; 2],
+    shift: u32,
+}
+
+impl Gather<'_> {
+    /// Finds or makes the geometry of every leaf of a domain.
+    pub(crate) fn geometries(
+        &mut self,
+        eye: DVec3,
+        selection: &Selection,
+        domain: Vec<Tile>,
+        elevation: &[GatheredHeights],
+    ) -> Result<Refined, RenderError> {
+        let scene = self.scene;
+        let heights = VertexHeights::new(scene);
+        let data: Vec<_> = elevation
+            .iter()
+            .map(|gathered| |tile: Tile| gathered.data(tile))
+            .collect();
+        let mut geometries = Vec::with_capacity(domain.len());
+        let mut plans = Vec::with_capacity(domain.len());
+        let mut coarser_edges = Vec::with_capacity(domain.len());
+        let mut waiting = Vec::new();
+        self.processor.begin();
+        for leaf in &domain {
+            let mut layers = Vec::with_capacity(elevation.len());
+            let mut coarser = 0;
+            for (gathered, data) in elevation.iter().zip(&data) {
+                let level = |beside: Tile| gathered.level_beside(*leaf, beside);
+                let levels = terrain::seams(*leaf, selection, &level).levels;
+                layers.push(ElevationLayer { levels, data });
+            }
+            for (bit, edge) in geodesy::Direction::EDGES.into_iter().enumerate() {
+                let beyond = selection.edge_neighbour(*leaf, edge);
+                if matches!(beyond, Some(terrain::EdgeNeighbour::Coarser(_))) {
+                    coarser |= 1 << bit;
+                }
+            }
+            let (tile, plan) = self.plan_shown(*leaf, elevation);
+            let mut hasher = DefaultHasher::new();
+            heights_content(scene, *leaf).hash(&mut hasher);
+            plan.key().hash(&mut hasher);
+            coarser.hash(&mut hasher);
+            for layer in &layers {
+                layer.levels.hash(&mut hasher);
+            }
+            let key = (*leaf, hasher.finish());
+            plans.push((tile, Arc::clone(&plan)));
+            coarser_edges.push(coarser);
+            if let Some(known) = self.geometries.get(key, self.frame) {
+                geometries.push(Some(known));
+                continue;
+            }
+            if self.ahead && !self.may_build() {
+                self.behind = true;
+                geometries.push(None);
+                continue;
+            }
+            let shown: Vec<_> = elevation
+                .iter()
+                .map(|gathered| gathered.shown.get(leaf).and_then(|tile| gathered.data(*tile)))
+                .collect();
+            let relations = scene.relations(*leaf);
+            let sources = LeafSources {
+                leaf: *leaf,
+                layers: &layers,
+                shown: &shown,
+                relations: &relations,
+                coarser,
+            };
+            let made = self.make_geometry(&heights, &sources, key, tile, &plan)?;
+            if made.is_none() {
+                self.behind = true;
+            }
+            geometries.push(made.map(|(geometry, heights)| {
+                waiting.push(heights);
+                geometry
+            }));
+        }
+        self.fill(&waiting)?;
+        Ok(Refined {
+            domain,
+            geometries,
+            plans,
+            coarser: coarser_edges,
+            drawn: Vec::new(),
+            eye,
+            selection: selection.clone(),
+        })
+    }
+
+    /// The tile on whose lattice a leaf's heights are fused, and how, from the data that the leaf shows.
+    fn plan_shown(&self, leaf: Tile, elevation: &[GatheredHeights]) -> (Tile, Arc<Plan>) {
+        let scene = self.scene;
+        let tile = scene.heights_tile(leaf).unwrap_or(leaf);
+        let mut sources = scene.best_sources(tile);
+        let mut best = true;
+        for (layer, gathered) in scene.elevation_layers.iter().zip(elevation) {
+            if let Some(source) = sources.get_mut(*layer) {
+                let shown = gathered.shown.get(&leaf).copied();
+                best &= *source == shown;
+                *source = shown;
+            }
+        }
+        let plan = if best {
+            scene.plan(tile, true)
+        } else {
+            Arc::new(scene.plan_with(tile, true, &sources))
+        };
+        (tile, plan)
+    }
+
+    /// Makes the fused heights of a leaf and lends it a slot. `None` where data has left memory, or every slot is in use.
+    fn make_geometry(
+        &mut self,
+        heights: &VertexHeights,
+        sources: &LeafSources<'_, '_>,
+        key: GeometryKey,
+        tile: Tile,
+        plan: &Plan,
+    ) -> Result<Option<(Geometry, Waiting)>, RenderError> {
+        let words = match leaf_words(self.scene, heights, sources) {
+            Ok(words) => words,
+            Err(error) => {
+                tracing::warn!(%error, "a mesh waits for its elevation");
+                return Ok(None);
+            }
+        };
+        let input = match plan.key() {
+            None => None,
+            Some(root) => {
+                let steps = self.processor.missing(plan).len() as u32;
+                let made = self
+                    .processor
+                    .make_root(self.gpu, self.scene, self.cache, plan)?;
+                if let Some(left) = &mut self.steps_left {
+                    *left = left.saturating_sub(steps);
+                }
+                if made != Made::Whole {
+                        return Ok(None);
+                }
+                self.processor.slot(root).map(|slot| slot.view.clone())
+            }
+        };
+        if let Some(left) = &mut self.steps_left {
+            *left = left.saturating_sub(GEOMETRY_STEPS);
+        }
+        let unit_m = words.ground.unit_m;
+        let Some(geometry) = self
+            .geometries
+            .lend(self.gpu, key, words.ground, self.frame)
+        else {
+            return Ok(None);
+        };
+        self.refiner.write_border(
+            self.gpu,
+            &self.geometries.buffers,
+            geometry.slot,
+            &words.border,
+            &words.anchors,
+        );
+        self.note_used(plan);
+        self.statistics.meshes_built += 1;
+        let leaf = sources.leaf;
+        let shift = leaf.level().saturating_sub(tile.level());
+        let along = |leaf: u32, data: u32| {
+            let first = (i64::from(leaf) - (i64::from(data) << shift)) * geodesy::CELLS;
+            i32::try_from(first).unwrap_or_default()
+        };
+        let waiting = Waiting {
+            key,
+            slot: geometry.slot,
+            unit_m,
+            input,
+            origin: [along(leaf.x(), tile.x()), along(leaf.y(), tile.y())],
+            shift: u32::from(shift),
+        };
+        Ok(Some((geometry, waiting)))
+    }
+
+    /// Brings heights into their slots and makes their error pyramids.
+    fn fill(&mut self, waiting: &[Waiting]) -> Result<(), RenderError> {
+        // In any case: what is kept must be in the device's hands before what it was made of is lent again.
+        self.processor.submit(self.gpu);
+        if waiting.is_empty() {
+            return Ok(());
+        }
+        let jobs: Vec<HeightsJob<'_>> = waiting
+            .iter()
+            .map(|leaf| HeightsJob {
+                slot: leaf.slot,
+                input: leaf.input.as_ref(),
+                origin: leaf.origin,
+                shift: leaf.shift,
+                units_per_m: scalar_f32(1.0 / leaf.unit_m),
+            })
+            .collect();
+        let made =
+            self.refiner
+                .make_geometry(self.gpu, &self.geometries.buffers, &jobs, self.times);
+        if made.is_err() {
+            for leaf in waiting {
+                self.geometries.forget(leaf.key);
+            }
+        }
+        self.worked = true;
+        made
+    }
+
+    /// Finds or makes the mesh of every visible leaf. Where they do not fit, τ grows by whole steps until they do.
+    pub(crate) fn meshes(
+        &mut self,
+        pixels_per_radian: f64,
+        visible: &[Tile],
+        refined: &mut Refined,
+    ) -> Result<HashMap<Tile, Mesh>, RenderError> {
+        loop {
+            let steps = *self.tau_steps;
+            let view = RefineView {
+                eye: refined.eye,
+                pixels_per_radian,
+                tau_px: self.scene.data.tau_px * f64::from(steps),
+            };
+            if let Some(meshes) = self.try_meshes(&view, visible, refined)? {
+                self.statistics.achieved_tau_px =
+                    self.statistics.achieved_tau_px.max(view.tau_px);
+                let triangles: u64 = meshes
+                    .values()
+                    .map(|mesh| u64::from(mesh.draw().triangles))
+                    .sum();
+                let roomy =
+                    triangles * ROOMY.1 < u64::from(self.meshes.most_triangles()) * ROOMY.0;
+                if steps > 1 && roomy {
+                    // For the next frame. What fits now stands.
+                    *self.tau_steps -= 1;
+                }
+                return Ok(meshes);
+            }
+            let refines = matches!(
+                self.scene.data.refine,
+                Refine::TopDown | Refine::BottomUp
+            );
+            if !refines || steps > 1 << 20 {
+                return Err(RenderError::Mesh(format!(
+                    "{} leaves do not fit into the memory for meshes: raise gpu_mib, or refine with \"top-down\"",
+                    visible.len()
+                )));
+            }
+            *self.tau_steps += 1.max(steps / 4);
+            tracing::debug!(tau_px = view.tau_px, "meshes do not fit");
+        }
+    }
+
+    /// The meshes under one τ; `None` where they do not fit.
+    fn try_meshes(
+        &mut self,
+        view: &RefineView,
+        visible: &[Tile],
+        refined: &mut Refined,
+    ) -> Result<Option<HashMap<Tile, Mesh>>, RenderError> {
+        let tables = self.tables(view, refined);
+        refined.drawn.clear();
+        let mut meshes = HashMap::with_capacity(visible.len());
+        let mut missing: Vec<(Tile, MeshKey)> = Vec::new();
+        for leaf in visible {
+            if refined.geometry(*leaf).is_none() {
+                continue;
+            }
+            let key = (*leaf, self.mesh_content(*leaf, refined, &tables));
+            refined.drawn.push((*leaf, key));
+            match self.meshes.get(key, self.frame) {
+                Some(mesh) => {
+                    meshes.insert(*leaf, mesh);
+                }
+                None => missing.push((*leaf, key)),
+            }
+        }
+        if missing.is_empty() {
+            return Ok(Some(meshes));
+        }
+        let leaves: Vec<Tile> = missing.iter().map(|(leaf, _)| *leaf).collect();
+        let near: Vec<Tile> = terrain::ring(&refined.selection, &leaves)
+            .into_iter()
+            .filter(|leaf| refined.geometry(*leaf).is_some())
+            .collect();
+        let domain = Domain::new(&refined.selection, &near);
+        let mut records = Vec::with_capacity(near.len());
+        let mut allowances = Vec::new();
+        for (place, leaf) in near.iter().enumerate() {
+            let Some(geometry) = refined.geometry(*leaf) else {
+                continue;
+            };
+            records.push(RefineLeaf::from_words(domain.record(place, geometry.slot)));
+            match tables.get(leaf) {
+                Some((_, table)) => allowances.extend_from_slice(table),
+                None => allowances.resize(allowances.len() + terrain::ALLOWANCE_WORDS, 0),
+            }
+        }
+        let given: Vec<u32>;
+        let method = match self.scene.data.refine {
+            Refine::TopDown => Method::TopDown,
+            Refine::BottomUp => Method::BottomUp,
+            all @ (Refine::Off | Refine::Fine) => {
+                let levels = if all == Refine::Fine {
+                    terrain::DEEPEST_MARK + 1
+                } else {
+                    2 * self.scene.data.refinement
+                };
+                let marks = terrain::uniform(&domain, levels);
+                given = marks.iter().flat_map(|marks| marks.words()).copied().collect();
+                Method::Given(&given)
+            }
+        };
+        let limits = MarkLimits {
+            most_triangles: self.meshes.most_triangles(),
+        };
+        let marked = self.refiner.mark(
+            self.gpu,
+            &self.geometries.buffers,
+            &records,
+            &allowances,
+            &method,
+            limits,
+            self.times,
+        )?;
+        let Marked::Counts(counts) = marked else {
+            return Ok(None);
+        };
+        let mut emits = Vec::with_capacity(missing.len());
+        for (index, (leaf, key)) in missing.iter().enumerate() {
+            let place = near.binary_search(leaf).ok();
+            let Some((place, geometry, count)) = place.and_then(|place| {
+                Some((place, refined.geometry(*leaf)?, counts.get(place)?))
+            }) else {
+                continue;
+            };
+            let lent = self
+                .meshes
+                .lend(self.gpu, *key, count.vertices, count.triangles, self.frame);
+            let Some(mesh) = lent else {
+                for (_, key) in missing.iter().take(index) {
+                    self.meshes.forget(*key);
+                }
+                return Ok(None);
+            };
+            emits.push(EmitLeaf {
+                place: place as u32,
+                geometry: geometry.slot,
+                first_vertex: mesh.first_vertex,
+                first_index: mesh.first_index,
+                unit_m: scalar_f32(geometry.ground.unit_m),
+                argument: mesh.draw().argument,
+                record: mesh.draw().argument,
+                padding: 0,
+            });
+            meshes.insert(*leaf, mesh);
+        }
+        let emitted = self.refiner.emit(
+            self.gpu,
+            &self.geometries.buffers,
+            &emits,
+            &self.meshes.vertices,
+            &self.meshes.indices,
+            &self.meshes.arguments,
+            self.times,
+        );
+        if emitted.is_err() {
+            for (_, key) in &missing {
+                self.meshes.forget(*key);
+            }
+        }
+        self.statistics.refined_leaves += emits.len() as u32;
+        self.worked = true;
+        emitted.map(|()| Some(meshes))
+    }
+
+    /// What each leaf allows, by leaf; nothing where the mesh does not depend on the view.
+    fn tables(
+        &mut self,
+        view: &RefineView,
+        refined: &Refined,
+    ) -> HashMap<Tile, (TableKey, Arc<Vec<u32>>)> {
+        let mut tables = HashMap::with_capacity(refined.domain.len());
+        if matches!(self.scene.data.refine, Refine::Off | Refine::Fine) {
+            return tables;
+        }
+        let ellipsoid = &self.scene.data.ellipsoid;
+        for geometry in refined.geometries.iter().flatten() {
+            let (leaf, ground) = (geometry.key.0, &geometry.ground);
+            let cell = terrain::eye_cell(ellipsoid, leaf, ground.range_m, view.eye);
+            let key = table_key(&cell, view.pixels_per_radian, view.tau_px);
+            let make = || {
+                terrain::allowances(&ground.shape, &ground.blocks, ground.unit_m, view, &cell)
+            };
+            let table = self.geometries.allowances(geometry, key, self.frame, make);
+            tables.insert(leaf, (key, table));
+        }
+        tables
+    }
+
+    /// A number that stands for all that a leaf's mesh depends on: its own heights and allowances, and those of its
+    /// ring.
+    fn mesh_content(
+        &self,
+        leaf: Tile,
+        refined: &Refined,
+        tables: &HashMap<Tile, (TableKey, Arc<Vec<u32>>)>,
+    ) -> u64 {
+        let mut hasher = DefaultHasher::new();
+        let data = &self.scene.data;
+        data.refine.hash(&mut hasher);
+        if data.refine == Refine::Off {
+            data.refinement.hash(&mut hasher);
+        }
+        let mut add = |tile: Tile| {
+            tile.hash(&mut hasher);
+            refined
+                .geometry(tile)
+                .map(|geometry| geometry.key)
+                .hash(&mut hasher);
+            tables.get(&tile).map(|(key, _)| key).hash(&mut hasher);
+        };
+        for tile in terrain::ring(&refined.selection, &[leaf]) {
+            add(tile);
+        }
+        hasher.finish()
+    }
+}
