@@ -43,6 +43,9 @@ pub(crate) struct BenchRefine {
     /// Pictures of each second of the sequence
     #[arg(long, value_name = "N", default_value_t = 4, value_parser = clap::value_parser!(u32).range(1..=60))]
     pub(crate) frames: u32,
+    /// Side in pixels beyond which a tile is split: larger ones are fewer, and brute force needs less memory
+    #[arg(long, value_name = "PX", default_value_t = 257, value_parser = clap::value_parser!(u32).range(16..=4096))]
+    pub(crate) tile_px: u32,
     /// What is measured
     #[arg(
         long,
@@ -74,6 +77,7 @@ impl BenchRefine {
             height: 0,
             seconds: 0.0,
             frames: 0,
+            tile_px: 257,
             methods: RefineMethod::value_variants().to_vec(),
             data,
             out,

@@ -38,7 +38,10 @@ fn show(renderer: &mut Renderer, view: &ViewPoint, data: SceneData, revision: u6
 }
 
 fn assert_within(measure: &ErrorMeasure, tau_px: f64, what: &str) {
-    assert!(measure.samples >= 66_049, "{what}: nothing measured, {measure:?}");
+    assert!(
+        measure.samples >= 66_049,
+        "{what}: nothing measured, {measure:?}"
+    );
     assert_eq!(measure.uncovered, 0, "{what}: {measure:?}");
     assert!(measure.max_px <= tau_px, "{what}: {measure:?}");
 }
@@ -70,7 +73,12 @@ fn both_ways_give_one_mesh_and_all_marks_give_no_error() {
     settle_on(&mut renderer, view, 2);
     let down = renderer.measure_error().unwrap();
     let by_down = picture(&renderer);
-    show(&mut renderer, view, scene(&planet, Refine::BottomUp, 1.0), 3);
+    show(
+        &mut renderer,
+        view,
+        scene(&planet, Refine::BottomUp, 1.0),
+        3,
+    );
     let up = renderer.measure_error().unwrap();
     assert_eq!((down.triangles, down.max_px), (up.triangles, up.max_px));
     assert_eq!(by_down.rgba, picture(&renderer).rgba);
@@ -85,7 +93,10 @@ fn both_ways_give_one_mesh_and_all_marks_give_no_error() {
     show(&mut renderer, view, coarse, 5);
     let off = renderer.measure_error().unwrap();
     assert_eq!(off.uncovered, 0);
-    assert!(off.max_px > 1.0, "the base patch happens to be as good: {off:?}");
+    assert!(
+        off.max_px > 1.0,
+        "the base patch happens to be as good: {off:?}"
+    );
 }
 
 #[test]
@@ -127,7 +138,12 @@ fn the_bound_holds_in_every_frame_while_heights_change() {
             assert_within(&measure, 1.0, &format!("view {index}, change {change}"));
         }
         let next = 2 + (index as u64 + 1) * 10;
-        show(&mut renderer, view, scene(&planet, Refine::TopDown, 1.0), next);
+        show(
+            &mut renderer,
+            view,
+            scene(&planet, Refine::TopDown, 1.0),
+            next,
+        );
     }
 }
 

@@ -15,8 +15,8 @@ use terrain::{Frustum, LodLimits, LodView, Selection};
 use tiles::{DatasetId, Lookup, TileCache};
 
 use crate::error::RenderError;
-use crate::gpu::Gpu;
 use crate::geometry::Geometries;
+use crate::gpu::Gpu;
 use crate::layers::LAYER_SIDE;
 use crate::loaded::LoadedScene;
 use crate::meshes::{MeshDraw, Meshes};
@@ -71,6 +71,8 @@ pub(crate) struct Gather<'a> {
     pub(crate) shares: bool,
     /// The scene is in preparation: nothing of it is drawn yet, so all of it can be made bit by bit.
     pub(crate) ahead: bool,
+    /// No picture was complete yet, and not much time has passed.
+    pub(crate) first: bool,
     pub(crate) frame: u64,
     pub(crate) upload_until: Instant,
     /// Steps of processing that this frame may still begin, on a device where a step takes long.
@@ -118,7 +120,8 @@ impl Gather<'_> {
                 continue;
             }
             let density = view.pixels_per_radian;
-            let sight = self.see(*eye, density, &of_screen, blocks, most_visible);
+            let deepest = self.scene.data.deepest_level;
+            let sight = self.see(*eye, density, &of_screen, blocks, most_visible, deepest);
             let selection = &sight.selection;
             self.statistics.selected_tiles += selection.leaves().len() as u32;
             self.statistics.achieved_tile_px = self
@@ -139,7 +142,18 @@ impl Gather<'_> {
                 patches: Vec::new(),
             })
             .collect();
-        for (eye, of_screen, sight) in sights {
+        for (eye, of_screen, mut sight) in sights {
+            if self.first && self.waits(eye, &sight)? {
+                // Until the data is there the roots stand for it: meshes of what stands in would be made for nothing.
+                sight = self.see(
+                    eye,
+                    view.pixels_per_radian,
+                    &of_screen,
+                    blocks,
+                    most_visible,
+                    0,
+                );
+            }
             let surfaces = self.surfaces(
                 eye,
                 view.pixels_per_radian,
@@ -160,6 +174,15 @@ impl Gather<'_> {
         Ok((draws, records))
     }
 
+    /// Asks for all that a sight needs, and makes of it what can be made. True while some of it is on its way.
+    fn waits(&mut self, eye: DVec3, sight: &Sight) -> Result<bool, RenderError> {
+        self.want_roots();
+        let domain = terrain::ring(&sight.selection, &sight.visible);
+        self.elevation(eye, &domain);
+        self.show(eye, &sight.visible)?;
+        Ok(!self.pending.is_empty())
+    }
+
     /// Selects for an eye and culls for each block. Where more is visible than the budgets hold, tiles are
     /// split later, by whole factors of √2, until it fits.
     fn see(
@@ -169,12 +192,13 @@ impl Gather<'_> {
         of_screen: &[usize],
         blocks: &[PlannedBlock],
         most_visible: Most,
+        deepest_level: u8,
     ) -> Sight {
         let ellipsoid = &self.scene.data.ellipsoid;
         let ranges = Ranges(self.scene);
         let horizon = Horizon::new(ellipsoid, ranges.floor_m(), eye);
         let mut limits = LodLimits {
-            deepest_level: self.scene.data.deepest_level,
+            deepest_level,
             tile_px: self.scene.data.tile_px,
             most_tiles: MOST_LEAVES,
         };

@@ -15,8 +15,6 @@ use crate::refine::GeometryBuffers;
 /// A leaf, and a number that stands for all that its heights depend on.
 pub(crate) type GeometryKey = (Tile, u64);
 
-/// Slots that there are to begin with.
-const FIRST_SLOTS: u32 = 64;
 /// Slots that there are whatever the budget says: two scenes of a view of the roots and what lies around them.
 const LEAST_SLOTS: u64 = 48;
 /// Tables of allowances remembered for each slot: of two eyes, and of where they were just now.
@@ -67,7 +65,6 @@ pub(crate) struct Geometries {
     pub(crate) buffers: GeometryBuffers,
     known: HashMap<GeometryKey, Entry>,
     free: Vec<u32>,
-    most: u32,
     tables: HashMap<(GeometryKey, TableKey), Table>,
 }
 
@@ -79,19 +76,17 @@ impl Geometries {
         let limit = gpu.device.limits().max_storage_buffer_binding_size;
         let bound = limit / (terrain::LATTICE_NODES as u64 * 4);
         let most = (budget_bytes / bytes).clamp(LEAST_SLOTS, bound.max(LEAST_SLOTS)) as u32;
-        let slots = FIRST_SLOTS.min(most);
         Self {
-            buffers: GeometryBuffers::new(gpu, slots),
+            buffers: GeometryBuffers::new(gpu, most),
             known: HashMap::new(),
-            free: (0..slots).rev().collect(),
-            most,
+            free: (0..most).rev().collect(),
             tables: HashMap::new(),
         }
     }
 
     /// Leaves that there is room for.
     pub(crate) fn capacity(&self) -> usize {
-        self.most as usize
+        self.buffers.slots as usize
     }
 
     /// The geometry, which counts as used in this frame.
@@ -108,15 +103,12 @@ impl Geometries {
     /// A slot for a geometry that has none, to be filled by the caller. `None` while all are in use in this frame.
     pub(crate) fn lend(
         &mut self,
-        gpu: &Gpu,
         key: GeometryKey,
         ground: Ground,
         frame: u64,
     ) -> Option<Geometry> {
-        if self.free.is_empty() {
-            self.grow(gpu);
-        }
         let slot = self.free.pop().or_else(|| self.evict(frame))?;
+        self.buffers.use_up_to(slot + 1);
         let ground = Arc::new(ground);
         let entry = Entry {
             slot,
@@ -154,17 +146,6 @@ impl Geometries {
             });
         entry.used = frame;
         Arc::clone(&entry.allowances)
-    }
-
-    /// Doubles the slots within the budget. What is there stays.
-    fn grow(&mut self, gpu: &Gpu) {
-        let slots = self.buffers.slots;
-        let grown = slots.saturating_mul(2).min(self.most);
-        if grown <= slots {
-            return;
-        }
-        self.buffers = self.buffers.grown(gpu, grown);
-        self.free.extend((slots..grown).rev());
     }
 
     fn evict(&mut self, frame: u64) -> Option<u32> {

@@ -69,11 +69,7 @@ pub(crate) fn leaf_words(
             }
         }
     }
-    let range_m = blocks
-        .iter()
-        .copied()
-        .reduce(around)
-        .unwrap_or_default();
+    let range_m = blocks.iter().copied().reduce(around).unwrap_or_default();
     let unit_m = terrain::height_unit(range_m);
     let references: Vec<i32> = blocks
         .iter()
@@ -97,10 +93,15 @@ fn blocks_at(x: u16, y: u16) -> impl Iterator<Item = usize> {
     let along = |c: u16| {
         let c = i64::from(c);
         let last = (c / BLOCK_CELLS).min(BLOCKS_A_SIDE - 1);
-        let first = if c % BLOCK_CELLS == 0 { (last - 1).max(0) } else { last };
+        let first = if c % BLOCK_CELLS == 0 {
+            (last - 1).max(0)
+        } else {
+            last
+        };
         first..=last
     };
-    along(y).flat_map(move |row| along(x).map(move |column| (row * BLOCKS_A_SIDE + column) as usize))
+    along(y)
+        .flat_map(move |row| along(x).map(move |column| (row * BLOCKS_A_SIDE + column) as usize))
 }
 
 /// Bounds of the processed and fused heights of each block, border nodes of the leaf left out of account.

@@ -75,7 +75,9 @@ impl Meshes {
         let per_vertex = VERTEX_BYTES + INDEX_BYTES * u64::from(INDICES_PER_VERTEX);
         let limit = gpu.device.limits().max_storage_buffer_binding_size / VERTEX_BYTES;
         let most = (budget_bytes / per_vertex).min(limit);
-        let most_vertices = u32::try_from(most).unwrap_or(u32::MAX).max(2 * FIRST_VERTICES);
+        let most_vertices = u32::try_from(most)
+            .unwrap_or(u32::MAX)
+            .max(2 * FIRST_VERTICES);
         Self {
             vertices: vertex_buffer(gpu, FIRST_VERTICES),
             indices: index_buffer(gpu, FIRST_VERTICES * INDICES_PER_VERTEX),
@@ -140,7 +142,8 @@ impl Meshes {
     /// Forgets a mesh.
     pub(crate) fn forget(&mut self, key: MeshKey) {
         if let Some(mesh) = self.known.remove(&key) {
-            self.vertex_spans.take_back(mesh.first_vertex, mesh.vertices);
+            self.vertex_spans
+                .take_back(mesh.first_vertex, mesh.vertices);
             self.index_spans.take_back(mesh.first_index, mesh.indices);
             self.argument_spans.take_back(mesh.argument, 1);
         }

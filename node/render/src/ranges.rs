@@ -155,7 +155,11 @@ fn fused_range(set: &ParameterSet, range_of: &dyn Fn(&Active) -> Option<(f64, f6
 }
 
 /// Bounds in quanta to bounds of processed heights in metres.
-pub(crate) fn processed(active: &Active, source: &Source, quanta: (f64, f64)) -> Option<(f64, f64)> {
+pub(crate) fn processed(
+    active: &Active,
+    source: &Source,
+    quanta: (f64, f64),
+) -> Option<(f64, f64)> {
     let Process::Elevation(elevation) = &active.process else {
         return None;
     };

@@ -26,6 +26,8 @@ use crate::scene::Refine;
 
 /// Steps on a processor that computes the stages itself which the geometry of one leaf counts for.
 const GEOMETRY_STEPS: u32 = 2;
+/// Leaves whose heights go to the device together, so that it works while the next ones are worked out.
+const LEAVES_AT_ONCE: usize = 16;
 /// The share of the room for meshes below which a coarser τ is taken back: 2 of 5.
 const ROOMY: (u64, u64) = (2, 5);
 
@@ -124,7 +126,12 @@ impl Gather<'_> {
             }
             let shown: Vec<_> = elevation
                 .iter()
-                .map(|gathered| gathered.shown.get(leaf).and_then(|tile| gathered.data(*tile)))
+                .map(|gathered| {
+                    gathered
+                        .shown
+                        .get(leaf)
+                        .and_then(|tile| gathered.data(*tile))
+                })
                 .collect();
             let relations = scene.relations(*leaf);
             let sources = LeafSources {
@@ -142,6 +149,10 @@ impl Gather<'_> {
                 waiting.push(heights);
                 geometry
             }));
+            if waiting.len() == LEAVES_AT_ONCE {
+                self.fill(&waiting)?;
+                waiting.clear();
+            }
         }
         self.fill(&waiting)?;
         Ok(Refined {
@@ -203,7 +214,7 @@ impl Gather<'_> {
                     *left = left.saturating_sub(steps);
                 }
                 if made != Made::Whole {
-                        return Ok(None);
+                    return Ok(None);
                 }
                 self.processor.slot(root).map(|slot| slot.view.clone())
             }
@@ -212,10 +223,7 @@ impl Gather<'_> {
             *left = left.saturating_sub(GEOMETRY_STEPS);
         }
         let unit_m = words.ground.unit_m;
-        let Some(geometry) = self
-            .geometries
-            .lend(self.gpu, key, words.ground, self.frame)
-        else {
+        let Some(geometry) = self.geometries.lend(key, words.ground, self.frame) else {
             return Ok(None);
         };
         self.refiner.write_border(
@@ -288,24 +296,19 @@ impl Gather<'_> {
                 tau_px: self.scene.data.tau_px * f64::from(steps),
             };
             if let Some(meshes) = self.try_meshes(&view, visible, refined)? {
-                self.statistics.achieved_tau_px =
-                    self.statistics.achieved_tau_px.max(view.tau_px);
+                self.statistics.achieved_tau_px = self.statistics.achieved_tau_px.max(view.tau_px);
                 let triangles: u64 = meshes
                     .values()
                     .map(|mesh| u64::from(mesh.draw().triangles))
                     .sum();
-                let roomy =
-                    triangles * ROOMY.1 < u64::from(self.meshes.most_triangles()) * ROOMY.0;
+                let roomy = triangles * ROOMY.1 < u64::from(self.meshes.most_triangles()) * ROOMY.0;
                 if steps > 1 && roomy {
                     // For the next frame. What fits now stands.
                     *self.tau_steps -= 1;
                 }
                 return Ok(meshes);
             }
-            let refines = matches!(
-                self.scene.data.refine,
-                Refine::TopDown | Refine::BottomUp
-            );
+            let refines = matches!(self.scene.data.refine, Refine::TopDown | Refine::BottomUp);
             if !refines || steps > 1 << 20 {
                 return Err(RenderError::Mesh(format!(
                     "{} leaves do not fit into the memory for meshes: raise gpu_mib, or refine with \"top-down\"",
@@ -373,7 +376,11 @@ impl Gather<'_> {
                     2 * self.scene.data.refinement
                 };
                 let marks = terrain::uniform(&domain, levels);
-                given = marks.iter().flat_map(|marks| marks.words()).copied().collect();
+                given = marks
+                    .iter()
+                    .flat_map(|marks| marks.words())
+                    .copied()
+                    .collect();
                 Method::Given(&given)
             }
         };
@@ -395,14 +402,14 @@ impl Gather<'_> {
         let mut emits = Vec::with_capacity(missing.len());
         for (index, (leaf, key)) in missing.iter().enumerate() {
             let place = near.binary_search(leaf).ok();
-            let Some((place, geometry, count)) = place.and_then(|place| {
-                Some((place, refined.geometry(*leaf)?, counts.get(place)?))
-            }) else {
+            let Some((place, geometry, count)) =
+                place.and_then(|place| Some((place, refined.geometry(*leaf)?, counts.get(place)?)))
+            else {
                 continue;
             };
-            let lent = self
-                .meshes
-                .lend(self.gpu, *key, count.vertices, count.triangles, self.frame);
+            let lent =
+                self.meshes
+                    .lend(self.gpu, *key, count.vertices, count.triangles, self.frame);
             let Some(mesh) = lent else {
                 for (_, key) in missing.iter().take(index) {
                     self.meshes.forget(*key);
@@ -455,9 +462,8 @@ impl Gather<'_> {
             let (leaf, ground) = (geometry.key.0, &geometry.ground);
             let cell = terrain::eye_cell(ellipsoid, leaf, ground.range_m, view.eye);
             let key = table_key(&cell, view.pixels_per_radian, view.tau_px);
-            let make = || {
-                terrain::allowances(&ground.shape, &ground.blocks, ground.unit_m, view, &cell)
-            };
+            let make =
+                || terrain::allowances(&ground.shape, &ground.blocks, ground.unit_m, view, &cell);
             let table = self.geometries.allowances(geometry, key, self.frame, make);
             tables.insert(leaf, (key, table));
         }

@@ -36,13 +36,15 @@ use crate::uniform::frame_uniform;
 use blocks::{block_layouts, copy_block, filled_blocks, plan_blocks};
 
 pub use ahead::AheadStatistics;
-pub use measure::{ErrorMeasure, PassTime};
 pub(crate) use blocks::PlannedBlock;
+pub use measure::{ErrorMeasure, PassTime};
 
 /// The longest that processing for the shown scene may hold up one frame.
 const LONGEST_PROCESSING: Duration = Duration::from_millis(50);
 /// The same before a first picture was complete, when nobody waits for this node yet.
 const LONGEST_FIRST_PROCESSING: Duration = Duration::from_millis(250);
+/// How long the first picture is a coarse one while the data for a better one is on its way.
+const FIRST_PICTURE: Duration = Duration::from_secs(1);
 
 /// What a stage takes of a tile where the processor computes it, roughly.
 const STEP: Duration = Duration::from_millis(2);
@@ -139,6 +141,8 @@ pub struct Renderer {
     draw_time: Duration,
     /// Some picture was complete.
     complete: bool,
+    /// When the first was begun.
+    begun: Option<Instant>,
     frame: u64,
     /// The light has changed since the last picture.
     relit: bool,
@@ -233,6 +237,7 @@ impl Renderer {
             switched: false,
             draw_time: Duration::ZERO,
             complete: false,
+            begun: None,
             frame: 0,
             relit: false,
             used: HashSet::new(),
@@ -387,6 +392,7 @@ impl Renderer {
         upload_until: Instant,
         ahead: bool,
     ) -> Result<Gathered, RenderError> {
+        let begun = *self.begun.get_or_insert_with(Instant::now);
         let mut gather = Gather {
             gpu: &self.gpu,
             cache: &self.cache,
@@ -400,6 +406,7 @@ impl Renderer {
             scene,
             shares: self.next.is_some() || self.last.is_some(),
             ahead,
+            first: !self.complete && !ahead && begun.elapsed() < FIRST_PICTURE,
             frame: self.frame,
             upload_until,
             steps_left: (ahead && self.gpu.is_software()).then(|| {

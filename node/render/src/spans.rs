@@ -75,7 +75,14 @@ mod tests {
 
     #[test]
     fn what_comes_back_in_any_order_is_one_span_again() {
-        let orders = [[0, 1, 2], [0, 2, 1], [1, 0, 2], [1, 2, 0], [2, 0, 1], [2, 1, 0]];
+        let orders = [
+            [0, 1, 2],
+            [0, 2, 1],
+            [1, 0, 2],
+            [1, 2, 0],
+            [2, 0, 1],
+            [2, 1, 0],
+        ];
         for order in orders {
             let mut spans = Spans::new(60);
             let lent: Vec<u32> = (0..3).map(|_| spans.lend(20).unwrap()).collect();
@@ -100,7 +107,9 @@ mod tests {
             }
             match spans.lend(length) {
                 Some(start) if length > 0 => {
-                    let apart = |(other, size): &(u32, u32)| start + length <= *other || other + size <= start;
+                    let apart = |(other, size): &(u32, u32)| {
+                        start + length <= *other || other + size <= start
+                    };
                     assert!(lent.iter().all(apart) && start + length <= spans.capacity());
                     lent.push((start, length));
                 }

@@ -144,7 +144,7 @@ fn limits_are_nested() {
                 word >> (16 * side) & 0xffff
             } else {
                 let block = usize::from((y + apex[1]) >> 5) * 16 + usize::from((x + apex[0]) >> 5);
-                table[block] >> (if own.level < 11 { 16 } else { 0 }) & 0xffff
+                table[block] >> (if own.level < 9 { 16 } else { 0 }) & 0xffff
             }
         };
         for y in 0..=256 {

@@ -14,6 +14,6 @@ fn allowance_word(level: i32, mark: vec2<i32>, apex: vec2<i32>) -> u32 {
 // A triangle fails where its error's code reaches what the table says; 0 there means that it always fails.
 fn fails(level: i32, error_word: u32, allowance: u32, second_side: bool) -> bool {
     let code = select(error_word & 0xFFFFu, error_word >> 16u, second_side);
-    let high = ((level >= 7) & (level <= 10)) | ((level <= 6) & second_side);
+    let high = ((level >= 7) & (level <= 8)) | ((level <= 6) & second_side);
     return code >= select(allowance & 0xFFFFu, allowance >> 16u, high);
 }

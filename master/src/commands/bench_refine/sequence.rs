@@ -40,9 +40,10 @@ pub(super) struct Touches {
 }
 
 impl Sequence {
-    /// The sequence over the repositories in `data`.
-    pub(super) fn open(data: &Path, seconds: f64) -> Result<Self, Failure> {
+    /// The sequence over the repositories in `data`, tiles being split beyond a side of `tile_px` pixels.
+    pub(super) fn open(data: &Path, seconds: f64, tile_px: f64) -> Result<Self, Failure> {
         let mut scene = Scene::parse(SCENE, "the scene of the bench")?;
+        scene.mesh.tile_px = tile_px;
         let data = std::path::absolute(data)?;
         for layer in &mut scene.layers {
             let Some(repository) = &mut layer.repository else {

@@ -1,12 +1,17 @@
 //! The geometries of leaves on the GPU, a slot each: heights, error pyramids, border vertices, anchors.
 //! In: how many slots. Out: buffers that stages bind whole. Who holds which slot is not known here.
 
+use std::num::NonZeroU64;
+
 use crate::gpu::Gpu;
 
 /// Words of one slot in each buffer.
 const HEIGHT_WORDS: u64 = terrain::LATTICE_NODES as u64;
 const BORDER_WORDS: u64 = (terrain::BORDER_NODES * terrain::BORDER_WORDS) as u64;
 const ANCHOR_WORDS: u64 = (terrain::BLOCKS * terrain::ANCHOR_WORDS) as u64;
+
+/// Slots that are taken into use together.
+const SLOTS_AT_ONCE: u32 = 32;
 
 /// Slots of geometries.
 #[derive(Debug)]
@@ -21,6 +26,8 @@ pub(crate) struct GeometryBuffers {
     pub(crate) blocks: wgpu::Buffer,
     /// How many slots there are.
     pub(crate) slots: u32,
+    /// How many of them are bound.
+    used: u32,
 }
 
 fn buffer(gpu: &Gpu, label: &str, words: u64, slots: u32) -> wgpu::Buffer {
@@ -48,27 +55,42 @@ impl GeometryBuffers {
             borders: buffer(gpu, "leaf borders", BORDER_WORDS, slots),
             blocks: buffer(gpu, "leaf anchors", ANCHOR_WORDS, slots),
             slots,
+            used: SLOTS_AT_ONCE.min(slots.max(1)),
         }
     }
 
-    /// As many slots as asked for, the first of them with what these have.
-    pub(crate) fn grown(&self, gpu: &Gpu, slots: u32) -> Self {
-        let grown = Self::new(gpu, slots);
-        let mut encoder = gpu
-            .device
-            .create_command_encoder(&wgpu::CommandEncoderDescriptor {
-                label: Some("geometries grow"),
-            });
-        for (old, new) in [
-            (&self.heights, &grown.heights),
-            (&self.errors, &grown.errors),
-            (&self.borders, &grown.borders),
-            (&self.blocks, &grown.blocks),
-        ] {
-            encoder.copy_buffer_to_buffer(old, 0, new, 0, old.size().min(new.size()));
-        }
-        gpu.queue.submit([encoder.finish()]);
-        grown
+    /// Slots from now on reach this far. No more is bound, because what is bound must be cleared first.
+    pub(crate) fn use_up_to(&mut self, slots: u32) {
+        let used = slots.next_multiple_of(SLOTS_AT_ONCE).min(self.slots);
+        self.used = self.used.max(used);
+    }
+
+    /// Heights of all slots in use.
+    pub(crate) fn heights(&self) -> Option<wgpu::BindingResource<'_>> {
+        self.part(&self.heights, HEIGHT_WORDS)
+    }
+
+    /// Errors of all slots in use.
+    pub(crate) fn errors(&self) -> Option<wgpu::BindingResource<'_>> {
+        self.part(&self.errors, HEIGHT_WORDS)
+    }
+
+    /// Borders of all slots in use.
+    pub(crate) fn borders(&self) -> Option<wgpu::BindingResource<'_>> {
+        self.part(&self.borders, BORDER_WORDS)
+    }
+
+    /// Anchors of all slots in use.
+    pub(crate) fn blocks(&self) -> Option<wgpu::BindingResource<'_>> {
+        self.part(&self.blocks, ANCHOR_WORDS)
+    }
+
+    fn part<'a>(&self, buffer: &'a wgpu::Buffer, words: u64) -> Option<wgpu::BindingResource<'a>> {
+        Some(wgpu::BindingResource::Buffer(wgpu::BufferBinding {
+            buffer,
+            offset: 0,
+            size: NonZeroU64::new(words * 4 * u64::from(self.used)),
+        }))
     }
 
     /// Writes a slot's border vertices and anchors. Words beyond a slot's are not written, nor is a slot that does not

@@ -107,8 +107,8 @@ impl Fill {
                 self.heights
                     .part(number, stride, size_of::<LeafHeightsUniform>() as u64),
                 Some(wgpu::BindingResource::TextureView(input)),
-                Some(geometry.borders.as_entire_binding()),
-                Some(geometry.heights.as_entire_binding()),
+                geometry.borders(),
+                geometry.heights(),
             ];
             let bindings = bind(gpu, pipeline, resources).ok_or_else(missing)?;
             heights.push((pipeline, bindings));
@@ -141,11 +141,7 @@ impl Fill {
             .collect();
         let stride = write_uniforms(gpu, &mut self.levels, &levels);
         let fine = pipelines.get(gpu, PYRAMID_FINE)?;
-        let resources = [
-            self.jobs.binding(),
-            Some(geometry.heights.as_entire_binding()),
-            Some(geometry.errors.as_entire_binding()),
-        ];
+        let resources = [self.jobs.binding(), geometry.heights(), geometry.errors()];
         let bindings = bind(gpu, fine, resources).ok_or_else(missing)?;
         let mut steps = vec![(fine, bindings, SQUARES / LANES)];
         for level in (0..=12_u32).rev() {
@@ -162,8 +158,8 @@ impl Fill {
                     size_of::<RefineLevelUniform>() as u64,
                 ),
                 self.jobs.binding(),
-                Some(geometry.heights.as_entire_binding()),
-                Some(geometry.errors.as_entire_binding()),
+                geometry.heights(),
+                geometry.errors(),
             ];
             let bindings = bind(gpu, pipeline, resources).ok_or_else(missing)?;
             steps.push((pipeline, bindings, marks_of_level(level).div_ceil(LANES)));

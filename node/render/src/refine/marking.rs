@@ -242,7 +242,7 @@ impl Marking {
         let resources = [
             self.leaves.binding(),
             self.allowances.binding(),
-            Some(geometry.errors.as_entire_binding()),
+            geometry.errors(),
             self.window.binding(),
             self.marks.binding(),
             self.worklist.binding(),
@@ -305,7 +305,7 @@ impl Marking {
                     .part(number, stride, size_of::<RefineLevelUniform>() as u64),
                 self.leaves.binding(),
                 self.allowances.binding(),
-                Some(geometry.errors.as_entire_binding()),
+                geometry.errors(),
                 self.marks.binding(),
             ];
             let bindings = bind(gpu, pipeline, resources).ok_or_else(missing)?;

@@ -82,9 +82,9 @@ impl Writing {
                 self.emissions.binding(),
                 self.entries.binding(),
                 marking.summed.binding(),
-                Some(geometry.heights.as_entire_binding()),
-                Some(geometry.borders.as_entire_binding()),
-                Some(geometry.blocks.as_entire_binding()),
+                geometry.heights(),
+                geometry.borders(),
+                geometry.blocks(),
                 Some(targets.vertices.as_entire_binding()),
                 Some(targets.indices.as_entire_binding()),
             ];

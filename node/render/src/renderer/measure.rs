@@ -76,7 +76,8 @@ impl Renderer {
             let eye = refined.eye;
             match self.drawn_leaves(&scene, refined) {
                 Ok(leaves) => {
-                    let found = self.measure_leaves(&scene, &leaves, eye, last.view.pixels_per_radian);
+                    let found =
+                        self.measure_leaves(&scene, &leaves, eye, last.view.pixels_per_radian);
                     match found {
                         Ok(found) => measure.add(&found),
                         Err(error) => failed = Some(error),
@@ -144,12 +145,19 @@ impl Renderer {
         let place = TilePosition::of_normal(normal, MAX_LEVEL).tile;
         let mut samples = vec![[None; 4]; scene.elevation_layers.len()];
         for (slot, layer) in samples.iter_mut().zip(&scene.elevation_layers) {
-            let Some(source) = scene.source(*layer) else { continue };
-            let Some(best) = source.best(place) else { continue };
-            let read = source.data.read_now(best).map_err(|error| RenderError::Layer {
-                layer: scene.data.layers[*layer].name.clone(),
-                reason: error.to_string(),
-            })?;
+            let Some(source) = scene.source(*layer) else {
+                continue;
+            };
+            let Some(best) = source.best(place) else {
+                continue;
+            };
+            let read = source
+                .data
+                .read_now(best)
+                .map_err(|error| RenderError::Layer {
+                    layer: scene.data.layers[*layer].name.clone(),
+                    reason: error.to_string(),
+                })?;
             let Some(data) = read else { continue };
             let within = TilePosition::of_normal(normal, best.level());
             let (i, j) = (within.i.floor() as i64, within.j.floor() as i64);
@@ -219,7 +227,11 @@ impl Renderer {
                 }
             }
         }
-        set_border(&mut heights_m, geometry, refined.coarser.get(place).copied().unwrap_or_default());
+        set_border(
+            &mut heights_m,
+            geometry,
+            refined.coarser.get(place).copied().unwrap_or_default(),
+        );
         Ok(heights_m)
     }
 
@@ -273,7 +285,10 @@ impl Renderer {
     ) -> Result<ErrorMeasure, RenderError> {
         let ellipsoid = &scene.data.ellipsoid;
         let bytes = read_buffer(&self.gpu, &self.meshes.vertices)?;
-        let vertices: Vec<Vertex> = bytes.chunks_exact(Vertex::BYTES).filter_map(Vertex::from_bytes).collect();
+        let vertices: Vec<Vertex> = bytes
+            .chunks_exact(Vertex::BYTES)
+            .filter_map(Vertex::from_bytes)
+            .collect();
         let bytes = read_buffer(&self.gpu, &self.meshes.indices)?;
         let indices: Vec<u32> = bytes
             .chunks_exact(4)
@@ -334,9 +349,20 @@ impl Renderer {
         let heights: Vec<&[f64]> = heights.iter().map(Vec::as_slice).collect();
         let domain = Domain::new(&refined.selection, &refined.domain);
         let ellipsoid = &scene.data.ellipsoid;
-        let marks = terrain::minimum(&domain, ellipsoid, &heights, refined.eye, pixels_per_radian, tau_px);
+        let marks = terrain::minimum(
+            &domain,
+            ellipsoid,
+            &heights,
+            refined.eye,
+            pixels_per_radian,
+            tau_px,
+        );
         let drawn: HashSet<Tile> = refined.drawn.iter().map(|(leaf, _)| *leaf).collect();
-        let of_drawn = refined.domain.iter().zip(&marks).filter(|(leaf, _)| drawn.contains(leaf));
+        let of_drawn = refined
+            .domain
+            .iter()
+            .zip(&marks)
+            .filter(|(leaf, _)| drawn.contains(leaf));
         Ok(of_drawn
             .map(|(_, marks)| terrain::triangles(marks).len() as u64)
             .sum())
@@ -365,8 +391,12 @@ fn set_border(heights_m: &mut [f64], geometry: &Geometry, coarser: u8) {
         let (x, y) = (*x, *y);
         let edges = [x == 0, x == last, y == 0, y == last];
         let odd = x % 2 == 1 || y % 2 == 1;
-        let beside_coarser = (0..).zip(edges).any(|(bit, on)| on && coarser >> bit & 1 == 1);
-        if let Some(node) = heights_m.get_mut(usize::from(y) * geodesy::NODES as usize + usize::from(x)) {
+        let beside_coarser = (0..)
+            .zip(edges)
+            .any(|(bit, on)| on && coarser >> bit & 1 == 1);
+        if let Some(node) =
+            heights_m.get_mut(usize::from(y) * geodesy::NODES as usize + usize::from(x))
+        {
             *node = if odd && beside_coarser {
                 f64::NAN
             } else {

@@ -60,7 +60,8 @@ pub fn height_unit(range_m: (f64, f64)) -> f64 {
 /// The allowance table of a leaf for all eyes of `cell`, which must be one that `view.eye` gives; the eye itself does
 /// not enter. 545 words. 0…255: for block Y · 16 + X the limits of triangles of levels 9…14 (low half) and of
 /// 7 and 8 (high half). 256…544: for coarse mark (x / 16, y / 16), row by row, the limits of its sides 0 (low
-/// half) and 1. (Who reads the high half for levels 9 and 10 too is as safe.) A limit is 0 where a triangle is always split; else a triangle stays whose error code is below it.
+/// half) and 1.
+/// A limit is 0 where a triangle is always split; else a triangle stays whose error code is below it.
 ///
 /// # The bound
 ///

@@ -5,9 +5,6 @@
 use geodesy::{CELLS, Ellipsoid, LatticePoint, Tile, TileHull};
 use glam::DVec3;
 
-use crate::tile_set::KeyHasher;
-use std::hash::Hasher;
-
 /// A cell is at most this share of the distance from the eye to the leaf. It decides how long a mesh
 /// lasts, and how much of the tolerance is given away for it.
 const CELL_SHARE: f64 = 1.0 / 32.0;
@@ -47,8 +44,8 @@ impl EyeCell {
 /// metres above the ellipsoid).
 ///
 /// Cells are cubes whose side is the largest power of two that is at most 1/32 of the distance from the eye
-/// to the leaf. Each leaf's grid is shifted by a hash of its tile, so that not all leaves change at once.
-/// Where the eye may be within the leaf's hull, or the cell would be smaller than a millimetre, it is the
+/// to the leaf. All leaves share one grid and its halves: a mesh depends on the cells of all leaves around its own,
+/// and where those change together it is made anew least often. Where the eye may be within the leaf's hull, or the cell would be smaller than a millimetre, it is the
 /// eye alone.
 #[must_use]
 pub fn eye_cell(ellipsoid: &Ellipsoid, tile: Tile, range_m: (f64, f64), eye: DVec3) -> EyeCell {
@@ -56,18 +53,9 @@ pub fn eye_cell(ellipsoid: &Ellipsoid, tile: Tile, range_m: (f64, f64), eye: DVe
     if !(side_m >= SMALLEST_CELL_M && side_m.is_finite() && eye.is_finite()) {
         return EyeCell::exact(eye);
     }
-    let mut hasher = KeyHasher::default();
-    hasher.write_u64(tile.id());
-    let hash = hasher.finish();
-    // Three shifts of 0…1 cell, in steps of 2^-16.
-    let shift = |bit: u32| f64::from((hash >> bit & 0xffff) as u16) / 65_536.0;
-    let snap = |c: f64, shift: f64| ((c / side_m + shift).floor() + 0.5 - shift) * side_m;
+    let snap = |c: f64| ((c / side_m).floor() + 0.5) * side_m;
     EyeCell {
-        centre: DVec3::new(
-            snap(eye.x, shift(0)),
-            snap(eye.y, shift(16)),
-            snap(eye.z, shift(32)),
-        ),
+        centre: DVec3::new(snap(eye.x), snap(eye.y), snap(eye.z)),
         radius_m: CIRCUMRADIUS * side_m,
     }
 }

@@ -23,7 +23,9 @@ mod uniform;
 
 pub use allowance::{BlockRanges, RefineView, allowances, height_unit};
 pub use anchors::{ANCHOR_WORDS, anchors};
-pub use border::{BORDER_NODES, BORDER_WORDS, border_index, border_positions, border_words, quantise};
+pub use border::{
+    BORDER_NODES, BORDER_WORDS, border_index, border_positions, border_words, quantise,
+};
 pub use bottom_up::bottom_up;
 pub use code::{code_down, code_up, decode};
 pub use count::{LeafCount, PrefixSums, count, prefix_sums};

@@ -34,7 +34,7 @@ pub(crate) fn fails(
     let (word, half) = if level >= 7 {
         // The one block of 16 × 16 cells in which the triangle lies.
         let [x, y] = [0, 1].map(|c| usize::from((mark[c] + apex[c]) >> 5));
-        (16 * y + x, usize::from(level <= 10))
+        (16 * y + x, usize::from(level <= 8))
     } else {
         let [x, y] = mark.map(|c| usize::from(c / 16));
         (super::BLOCKS + 17 * y + x, side)
