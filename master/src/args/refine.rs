@@ -41,7 +41,7 @@ pub(crate) struct BenchRefine {
     #[arg(long, value_name = "S", default_value = "24", value_parser = seconds)]
     pub(crate) seconds: f64,
     /// Pictures of each second of the sequence
-    #[arg(long, value_name = "N", default_value_t = 4, value_parser = clap::value_parser!(u32).range(1..=60))]
+    #[arg(long, value_name = "N", default_value_t = 2, value_parser = clap::value_parser!(u32).range(1..=60))]
     pub(crate) frames: u32,
     /// Side in pixels beyond which a tile is split: larger ones are fewer, and brute force needs less memory
     #[arg(long, value_name = "PX", default_value_t = 257, value_parser = clap::value_parser!(u32).range(16..=4096))]
@@ -61,7 +61,7 @@ pub(crate) struct BenchRefine {
     /// Where refine.json, refine-rates.svg and refine-times.svg go
     #[arg(long, value_name = "DIR", default_value = "out/bench")]
     pub(crate) out: PathBuf,
-    /// A short look: 6 seconds, one picture of each, a quarter of the pixels
+    /// A short look: 6 seconds, one picture of each, 400×320 pixels
     #[arg(long, conflicts_with_all = ["width", "height", "seconds", "frames"])]
     pub(crate) quick: bool,
     /// Print the report as JSON instead of tables
@@ -90,7 +90,7 @@ impl BenchRefine {
     /// With the numbers of the short form where that is asked for, and each method once.
     pub(crate) fn settled(mut self) -> Self {
         if self.quick {
-            (self.width, self.height) = (640, 512);
+            (self.width, self.height) = (400, 320);
             (self.seconds, self.frames) = (6.0, 1);
         }
         self.methods.sort_unstable();

@@ -189,11 +189,11 @@ fn block_samples(leaf: Tile, data: &dyn Lattice) -> Vec<Samples> {
     samples
 }
 
+/// Bounds of a layer's processed heights in a block, and whether it has holes there.
+type LayerRange = ((f64, f64), bool);
+
 /// Bounds of what fusion makes of the layers' bounds in a block, where each tells whether it has holes.
-fn fused_range(
-    set: &ParameterSet,
-    of_layer: &dyn Fn(&Active) -> Option<((f64, f64), bool)>,
-) -> (f64, f64) {
+fn fused_range(set: &ParameterSet, of_layer: &dyn Fn(&Active) -> Option<LayerRange>) -> (f64, f64) {
     let mut below: Option<(f64, f64)> = None;
     let order = |active: &Active| (active.fusion.priority, active.fusion.blend);
     // Nothing covers the block as yet, and so nothing is seen through what does.

@@ -13,6 +13,7 @@ mod ground;
 mod heights;
 mod layer;
 mod layers;
+mod leaf_geometry;
 mod loaded;
 mod meshes;
 mod pipelines;

@@ -7,6 +7,7 @@
 mod ahead;
 mod blocks;
 mod measure;
+mod view;
 
 use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
@@ -14,11 +15,11 @@ use std::sync::mpsc::Receiver;
 use std::time::{Duration, Instant};
 
 use geodesy::Tile;
-use glam::{DMat3, DVec3};
+use glam::DVec3;
 use shaders::{FrameUniform, TileRecord};
 use tiles::{DatasetId, TileCache, Wish};
 
-use crate::canvas::{OutputPlan, PlanarScreen};
+use crate::canvas::OutputPlan;
 use crate::error::RenderError;
 use crate::gather::{BlockDraws, Gather};
 use crate::geometry::Geometries;
@@ -38,6 +39,7 @@ use blocks::{block_layouts, copy_block, filled_blocks, plan_blocks};
 pub use ahead::AheadStatistics;
 pub(crate) use blocks::PlannedBlock;
 pub use measure::{ErrorMeasure, PassTime};
+pub use view::{FrameStatistics, RenderBudget, ViewPoint};
 
 /// The longest that processing for the shown scene may hold up one frame.
 const LONGEST_PROCESSING: Duration = Duration::from_millis(50);
@@ -53,61 +55,6 @@ const LEAST_STEPS: u32 = 2;
 /// How many times as many a node begins that has the processors for itself, and that while its picture stands.
 const ALONE: u32 = 2;
 const STANDING: u32 = 3;
-
-/// Limits of memory and time.
-#[derive(Clone, Copy, Debug)]
-pub struct RenderBudget {
-    /// GPU memory for tiles and meshes in bytes.
-    pub gpu_bytes: u64,
-    /// Time that processing the next scene may take from one frame. What the shown scene lacks may take as long as its
-    /// picture takes to draw, if that is more.
-    pub upload: Duration,
-    /// Other nodes want this machine's processors too. It counts only where the driver computes on them as well.
-    pub shared: bool,
-}
-
-/// Where the viewer is, and how the screens stand around the eye.
-#[derive(Clone, Debug, PartialEq)]
-pub struct ViewPoint {
-    /// The eye of each screen in ECEF metres.
-    pub eyes: Vec<DVec3>,
-    /// The room's x, y and z axes in ECEF, as columns.
-    pub room: DMat3,
-    /// The screens in room axes, each relative to its eye.
-    pub screens: Vec<PlanarScreen>,
-    /// Density of the wall's densest screen. The same on every node.
-    pub pixels_per_radian: f64,
-}
-
-/// What one call of [`Renderer::draw`] did.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct FrameStatistics {
-    /// False where nothing had changed and the old picture stands.
-    pub redrawn: bool,
-    /// True when every visible tile shows the best data that exists.
-    pub converged: bool,
-    /// Tiles that are still on their way.
-    pub pending_tiles: u32,
-    /// Leaves of the selection over the whole planet.
-    pub selected_tiles: u32,
-    /// Patches drawn, over all blocks.
-    pub drawn_tiles: u32,
-    /// Triangles drawn.
-    pub triangles: u64,
-    /// Results made in this frame: fused heights or colours of a tile.
-    pub processed_tiles: u32,
-    /// The scene in preparation, once everything that this view needs of it is there.
-    pub prepared: Option<u64>,
-    /// Leaves whose heights were brought to the device in this frame.
-    pub meshes_built: u32,
-    /// Leaves whose mesh was made in this frame. All others were used again.
-    pub refined_leaves: u32,
-    /// The screen-space error in wall pixels that the meshes stay under: the scene's τ, or a multiple of it where the
-    /// memory for meshes forbids it. 0 where nothing is refined.
-    pub achieved_tau_px: f64,
-    /// The side in pixels beyond which tiles were split: the scene's, or more where budgets forbid it.
-    pub achieved_tile_px: f64,
-}
 
 /// Draws one scene for the outputs of one node.
 pub struct Renderer {

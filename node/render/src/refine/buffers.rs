@@ -65,6 +65,11 @@ impl GeometryBuffers {
         self.used = self.used.max(used);
     }
 
+    /// Slots in use.
+    pub(crate) const fn in_use(&self) -> u32 {
+        self.used
+    }
+
     /// Heights of all slots in use.
     pub(crate) fn heights(&self) -> Option<wgpu::BindingResource<'_>> {
         self.part(&self.heights, HEIGHT_WORDS)

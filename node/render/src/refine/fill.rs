@@ -77,10 +77,10 @@ impl Fill {
         jobs: &[HeightsJob<'_>],
         times: &mut Option<PassTimes>,
     ) -> Result<(), RenderError> {
-        if jobs.iter().any(|job| job.slot >= geometry.slots) {
+        if jobs.iter().any(|job| job.slot >= geometry.in_use()) {
             return Err(RenderError::Mesh(format!(
-                "heights for a slot beyond the {} that there are",
-                geometry.slots
+                "heights for a slot beyond the {} in use",
+                geometry.in_use()
             )));
         }
         let slots: Vec<u32> = jobs.iter().map(|job| job.slot).collect();

@@ -416,10 +416,10 @@ fn check(
             due.1
         )));
     }
-    if leaves.iter().any(|leaf| leaf.geometry >= geometry.slots) {
+    if leaves.iter().any(|leaf| leaf.geometry >= geometry.in_use()) {
         return Err(RenderError::Mesh(format!(
             "a leaf's geometry is in a slot beyond the {} that there are",
-            geometry.slots
+            geometry.in_use()
         )));
     }
     Ok(())

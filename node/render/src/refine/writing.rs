@@ -128,7 +128,7 @@ impl Writing {
             let sizes =
                 [targets.vertices, targets.indices, targets.arguments].map(wgpu::Buffer::size);
             let fits = ends.iter().zip(sizes).all(|(end, size)| *end <= size);
-            if !fits || leaf.geometry >= geometry.slots {
+            if !fits || leaf.geometry >= geometry.in_use() {
                 return Err(RenderError::Mesh(format!(
                     "a mesh of {} vertices and {} triangles lies beyond its buffers",
                     count.vertices, count.triangles

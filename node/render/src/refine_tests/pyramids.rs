@@ -117,16 +117,3 @@ fn a_slot_that_is_not_there_is_refused() {
         .make_geometry(&rig.gpu, &rig.buffers, &[], &mut None);
     assert!(nothing.is_ok());
 }
-
-#[test]
-fn buffers_that_grow_keep_what_is_in_them() {
-    let Some(gpu) = device() else { return };
-    let mut rig = Rig::new(gpu);
-    rig.go(Place::Face);
-    rig.fill(Ground::Random);
-    let before = rig.read(&rig.buffers.errors);
-    let grown = rig.buffers.grown(&rig.gpu, rig.buffers.slots + 3);
-    let after = rig.read(&grown.errors);
-    assert!(after.starts_with(&before));
-    assert_eq!(after.len(), before.len() + 3 * terrain::LATTICE_NODES);
-}

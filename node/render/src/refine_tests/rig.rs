@@ -71,7 +71,11 @@ impl Rig {
     pub(super) fn new(gpu: Gpu) -> Self {
         Self {
             refiner: Refiner::new(&gpu),
-            buffers: GeometryBuffers::new(&gpu, SLOTS),
+            buffers: {
+                let mut buffers = GeometryBuffers::new(&gpu, SLOTS);
+                buffers.use_up_to(SLOTS);
+                buffers
+            },
             gpu,
             tiles: Vec::new(),
             domain: Domain { leaves: Vec::new() },

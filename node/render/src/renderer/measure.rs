@@ -79,7 +79,10 @@ impl Renderer {
                     let found =
                         self.measure_leaves(&scene, &leaves, eye, last.view.pixels_per_radian);
                     match found {
-                        Ok(found) => measure.add(&found),
+                        Ok(mut found) => {
+                            found.uncovered += refined.undrawn * LATTICE_NODES as u64;
+                            measure.add(&found);
+                        }
                         Err(error) => failed = Some(error),
                     }
                 }
@@ -183,7 +186,9 @@ impl Renderer {
         let mut leaves = Vec::with_capacity(refined.drawn.len());
         for (leaf, key) in &refined.drawn {
             let (Some(mesh), Some(place)) = (self.mesh_of(*key), refined.place(*leaf)) else {
-                continue;
+                return Err(RenderError::Mesh(format!(
+                    "the mesh of tile {leaf} was drawn and is gone"
+                )));
             };
             let heights_m = self.true_heights(scene, refined, place)?;
             leaves.push(DrawnLeaf {
@@ -372,7 +377,8 @@ impl Renderer {
 impl ErrorMeasure {
     /// Adds what was found elsewhere. A measure that is no number counts as worse than any.
     fn add(&mut self, found: &Self) {
-        if found.samples > 0 && (self.worst.is_none() || !(found.max_px <= self.max_px)) {
+        let worse = found.max_px.is_nan() || found.max_px > self.max_px || self.worst.is_none();
+        if found.samples > 0 && worse {
             self.max_px = found.max_px;
             self.worst = found.worst;
         }
