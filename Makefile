@@ -76,9 +76,16 @@ layers: setup data ## fuses layers, looks at them through lenses, and leaves thr
 	@echo
 	@echo "The pictures:  out/layers/{alps,itaipu,ironwood}/wall.png"
 
-picture: demo layers ## renews the pictures in the README
+wireframe: setup data ## draws the edges of a refined mesh, and leaves a picture
+	@rm -rf out/wireframe
+	$(TERRAWALL) up configs/walls/single.toml --scene configs/scenes/wireframe.toml --headless --no-control \
+		--frames 1 --capture out/wireframe
+	@echo "The picture:  out/wireframe/wall.png"
+
+picture: demo layers wireframe ## renews the pictures in the README
 	mkdir -p tests/pictures
 	cp out/demo/wall.png tests/pictures/wall.png
+	cp out/wireframe/wall.png tests/pictures/wireframe.png
 	for place in alps itaipu ironwood; do cp out/layers/$$place/wall.png tests/pictures/layers-$$place.png; done
 
 test: ## all tests, with a GPU (a software driver will do) required

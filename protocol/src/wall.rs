@@ -149,7 +149,7 @@ pub struct CacheBudgets {
 impl Default for CacheBudgets {
     fn default() -> Self {
         Self {
-            gpu_mib: 1024,
+            gpu_mib: 2048,
             ram_mib: 1024,
             disk_mib: 4096,
             directory: None,

@@ -299,14 +299,14 @@ fn each_fault_names_place_key_and_remedy() {
             "channel 0",
         ),
         (
-            "gpu_mib = 512",
+            "gpu_mib = 1024",
             "gpu_mib = 0",
             OutOfRange,
             "cache.gpu_mib",
             "MiB",
         ),
         (
-            "gpu_mib = 512",
+            "gpu_mib = 1024",
             "gpu_gib = 1",
             UnknownKey,
             "cache.gpu_gib",

@@ -198,12 +198,16 @@ fn tiles_and_one_picture_agree_however_meshes_are_made() {
         let file = format!("configs/scenes/{pose}.toml");
         let text = std::fs::read_to_string(sources::root().join(file)).unwrap();
         let text = text.replace("../../out/data", repositories.to_str().unwrap());
+        let mut in_mesh = false;
         let mut scene: Vec<&str> = text
             .lines()
-            .filter(|line| !line.starts_with("refine"))
+            .filter(|line| {
+                if line.starts_with('[') {
+                    in_mesh = *line == "[mesh]";
+                }
+                !in_mesh
+            })
             .collect();
-        scene.retain(|line| !line.starts_with("[mesh]"));
-        // The table of the mesh is the last one, if there is any.
         let mesh = format!("[mesh]\nrefine = \"{method}\"\ntau = {tau:?}");
         scene.push(&mesh);
         let folder = data::folder(&[("scene.toml", &scene.join("\n"))]);
@@ -444,7 +448,7 @@ fn the_bench_measures_every_second_of_its_sequence() {
         .filter_map(|method| method["method"].as_str())
         .collect();
     assert_eq!(names, ["off", "fine", "top-down", "bottom-up"]);
-    let mut triangles: Vec<Vec<u64>> = Vec::new();
+    let mut triangles: Vec<Vec<Option<u64>>> = Vec::new();
     for method in methods {
         let seconds = method["seconds"].as_array().unwrap();
         assert_eq!(seconds.len(), 6);
@@ -453,25 +457,38 @@ fn the_bench_measures_every_second_of_its_sequence() {
             .filter_map(|second| second["phase"].as_str())
             .collect();
         assert!(
-            phases.contains(&"zoom") && phases.contains(&"weight"),
+            phases.contains(&"zoom") && phases.contains(&"opacity"),
             "{phases:?}"
         );
         triangles.push(
             seconds
                 .iter()
-                .filter_map(|second| second["whole"]["triangles"].as_u64())
+                .map(|second| second["whole"]["triangles"].as_u64())
                 .collect(),
         );
         for second in seconds {
+            if second["whole"].is_null() {
+                // Only brute force may need more memory than there is, and then that is said.
+                assert_eq!(method["method"], "fine", "{second:#}");
+                assert!(second["failed"].is_string(), "{second:#}");
+                continue;
+            }
             assert!(number(second, "/whole/anew_ms") > 0.0, "{second:#}");
             assert!(number(second, "/whole/drawing_ms") > 0.0, "{second:#}");
         }
     }
     // Both ways to refine give the same meshes; brute force gives all triangles there are.
     assert_eq!(triangles[2], triangles[3]);
-    for ((off, fine), refined) in triangles[0].iter().zip(&triangles[1]).zip(&triangles[2]) {
-        assert!(off <= refined && refined < fine, "{off} {refined} {fine}");
+    for (off, refined) in triangles[0].iter().zip(&triangles[2]) {
+        assert!(off <= refined, "{triangles:?}");
     }
+    let compared = triangles[1].iter().zip(&triangles[2]);
+    let compared: Vec<_> = compared.filter(|(fine, _)| fine.is_some()).collect();
+    assert!(!compared.is_empty(), "{triangles:?}");
+    assert!(
+        compared.iter().all(|(fine, refined)| refined < fine),
+        "{triangles:?}"
+    );
     let sums = report["sums"].as_array().unwrap();
     for sums in &sums[2..] {
         assert!(number(sums, "/triangles_ratio") <= 1.3, "{sums:#}");

@@ -23,7 +23,7 @@ use crate::meshes::{MeshDraw, Meshes};
 use crate::process::Processor;
 use crate::ranges::Ranges;
 use crate::refine::{PassTimes, Refiner};
-use crate::refining::Refined;
+use crate::refining::{Refined, TauSteps};
 use crate::renderer::{FrameStatistics, PlannedBlock, ViewPoint};
 use crate::source::Source;
 use crate::textures::SurfaceTextures;
@@ -64,7 +64,7 @@ pub(crate) struct Gather<'a> {
     pub(crate) refiner: &'a mut Refiner,
     pub(crate) meshes: &'a mut Meshes,
     /// How many times the scene's τ a mesh may be off, so that all meshes fit.
-    pub(crate) tau_steps: &'a mut u32,
+    pub(crate) tau: &'a mut TauSteps,
     pub(crate) times: &'a mut Option<PassTimes>,
     pub(crate) scene: &'a LoadedScene,
     /// Another scene is shown or prepared beside this one, and needs as much room.
@@ -143,7 +143,7 @@ impl Gather<'_> {
             })
             .collect();
         for (eye, of_screen, mut sight) in sights {
-            if self.first && self.waits(eye, &sight)? {
+            if self.first && self.is_far(eye) && self.waits(eye, &sight)? {
                 // Until the data is there the roots stand for it: meshes of what stands in would be made for nothing.
                 sight = self.see(
                     eye,
@@ -172,6 +172,11 @@ impl Gather<'_> {
             }
         }
         Ok((draws, records))
+    }
+
+    /// From this far away the roots are flat enough.
+    fn is_far(&self, eye: DVec3) -> bool {
+        eye.length() > 1.5 * self.scene.data.ellipsoid.semi_major_m
     }
 
     /// Asks for all that a sight needs, and makes of it what can be made. True while some of it is on its way.

@@ -139,6 +139,14 @@ impl Meshes {
         Some(mesh)
     }
 
+    /// Forgets all meshes.
+    pub(crate) fn clear(&mut self) {
+        let keys: Vec<MeshKey> = self.known.keys().copied().collect();
+        for key in keys {
+            self.forget(key);
+        }
+    }
+
     /// Forgets a mesh.
     pub(crate) fn forget(&mut self, key: MeshKey) {
         if let Some(mesh) = self.known.remove(&key) {

@@ -17,7 +17,7 @@ fn tiled_pictures_equal_the_single_one_bit_for_bit() {
         width: CANVAS[0],
         height: CANVAS[1],
     };
-    let mut single = planet.renderer(&[output(whole)], 64 << 20);
+    let mut single = planet.renderer(&[output(whole)], 512 << 20);
     // Odd sizes and places, so that nothing falls on convenient borders.
     let parts = [
         (0, 0, 101, 77),
@@ -31,7 +31,7 @@ fn tiled_pictures_equal_the_single_one_bit_for_bit() {
         width,
         height,
     });
-    let mut tiled = parts.map(|part| planet.renderer(&[output(part)], 64 << 20));
+    let mut tiled = parts.map(|part| planet.renderer(&[output(part)], 512 << 20));
     for view in views() {
         settle(&mut single, &view);
         let whole = picture(&single);
@@ -63,7 +63,7 @@ fn a_node_with_several_channels_composes_them() {
         width: CANVAS[0],
         height: CANVAS[1],
     };
-    let mut single = planet.renderer(&[output(whole)], 64 << 20);
+    let mut single = planet.renderer(&[output(whole)], 512 << 20);
     let left = PixelRect {
         x: 0,
         y: 0,
@@ -92,7 +92,7 @@ fn a_node_with_several_channels_composes_them() {
             },
         ],
     };
-    let mut swapped = planet.renderer(&[two], 64 << 20);
+    let mut swapped = planet.renderer(&[two], 512 << 20);
     let view = &views()[0];
     settle(&mut single, view);
     settle(&mut swapped, view);
@@ -132,10 +132,10 @@ fn two_eyes_share_tiles_without_sharing_seams() {
         screens: vec![far.screens[0], near.screens[0]],
         ..far.clone()
     };
-    let mut together = planet.renderer(&[both], 64 << 20);
+    let mut together = planet.renderer(&[both], 512 << 20);
     settle(&mut together, &pair);
     let made = picture(&together);
-    let mut alone = planet.renderer(&[output(rect)], 64 << 20);
+    let mut alone = planet.renderer(&[output(rect)], 512 << 20);
     for (half, view) in made.rgba.chunks(made.rgba.len() / 2).zip([far, near]) {
         settle(&mut alone, &view);
         assert!(
@@ -154,7 +154,7 @@ fn what_does_not_change_is_not_drawn_again() {
         width: CANVAS[0],
         height: CANVAS[1],
     };
-    let mut renderer = planet.renderer(&[output(whole)], 64 << 20);
+    let mut renderer = planet.renderer(&[output(whole)], 512 << 20);
     let [first, second, ..] = views();
     settle(&mut renderer, &first);
     for _ in 0..5 {
@@ -192,7 +192,7 @@ fn the_smallest_budget_still_converges_and_then_loads_nothing() {
     let before = renderer.cache().counters();
     for _ in 0..20 {
         let again = renderer.draw(view, 1).unwrap();
-        assert!(!again.redrawn && again.converged);
+        assert!(!again.redrawn && again.converged, "{again:?}");
     }
     assert_eq!(
         before.repository_reads,

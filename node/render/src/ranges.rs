@@ -10,9 +10,9 @@ use crate::loaded::{Active, LoadedScene, ParameterSet};
 use crate::scene::Refine;
 use crate::source::Source;
 
-/// How deep a planet without elevation is divided for its curvature alone: at this level, with the base
-/// patches on top, a chord is less than a metre off the ellipsoid.
-const BARE_LEVEL: u8 = 6;
+/// How deep the planet is divided for its curvature alone, whatever data there is: from this level on the places of
+/// vertices are exact to a millimetre.
+pub(crate) const FLAT_LEVEL: u8 = 7;
 
 /// How much finer than the data rims and lines are drawn: at most to the hundredth of a sample. Beyond that, 32-bit
 /// heights have no slope left from node to node.
@@ -69,7 +69,7 @@ impl HeightRanges for Ranges<'_> {
             .filter_map(|layer| scene.source(*layer)?.best(tile))
             .map(Tile::level)
             .max()
-            .unwrap_or(BARE_LEVEL);
+            .unwrap_or_default();
         let visible = scene.elevation_layers.iter().chain(&scene.colour_layers);
         let finest = scene
             .elevation_layers
@@ -85,6 +85,7 @@ impl HeightRanges for Ranges<'_> {
             tile.level() < finest + SHARP_LEVELS && (lines || rim(true) || rim(false))
         });
         sharp
+            || tile.level() < FLAT_LEVEL
             || tile.level() < meshed + reach
             || visible
                 .filter_map(|layer| scene.source(*layer))

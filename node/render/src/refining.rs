@@ -7,8 +7,8 @@ use std::collections::HashMap;
 use std::hash::{DefaultHasher, Hash as _, Hasher as _};
 use std::sync::Arc;
 
-use geodesy::Tile;
 use geodesy::frame::scalar_f32;
+use geodesy::{Tile, TileHull};
 use glam::DVec3;
 use shaders::{EmitLeaf, RefineLeaf};
 use terrain::{Domain, RefineView, Selection};
@@ -18,11 +18,20 @@ use crate::gather::Gather;
 use crate::geometry::{Geometry, TableKey, table_key};
 use crate::meshes::{Mesh, MeshKey};
 use crate::process::Plan;
+use crate::ranges::FLAT_LEVEL;
 use crate::refine::{MarkLimits, Marked, Method};
 use crate::scene::Refine;
 
-/// The share of the room for meshes below which a coarser τ is taken back: 2 of 5.
-const ROOMY: (u64, u64) = (2, 5);
+/// The share of the room for meshes below which a coarser τ is taken back: 1 of 5.
+const ROOMY: (u64, u64) = (1, 5);
+/// Frames after which a finer τ is tried again that did not fit.
+const PATIENCE_FRAMES: u64 = 60;
+/// How far an inner vertex of a root of the Earth may be off its place, in metres. With each level it is an eighth: the
+/// remainder of the quadratics that places are computed by (measured: 281).
+const ROOT_OFF_M: f64 = 300.0;
+const EARTH_RADIUS_M: f64 = 6_378_137.0;
+/// The share of τ that this may come to without being told.
+const CURVED_SHARE: f64 = 0.02;
 
 /// The leaves that a view refines, with what they are made of.
 #[derive(Debug)]
@@ -55,6 +64,34 @@ impl Refined {
     }
 }
 
+/// How many times the scene's τ meshes may be off, so that all of them fit. A finer one is tried again from time to
+/// time, and not while it has just failed.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct TauSteps {
+    steps: u32,
+    /// The frame in which a finer one did not fit.
+    missed: u64,
+}
+
+impl TauSteps {
+    pub(crate) const FIRST: Self = Self {
+        steps: 1,
+        missed: 0,
+    };
+
+    fn missed(&mut self, frame: u64) {
+        self.steps += 1.max(self.steps / 4);
+        self.missed = frame;
+    }
+
+    fn fitted(&mut self, roomy: bool, frame: u64) {
+        if self.steps > 1 && roomy && frame > self.missed + PATIENCE_FRAMES {
+            // For the next frame. What fits now stands.
+            self.steps -= 1;
+        }
+    }
+}
+
 impl Gather<'_> {
     /// Finds or makes the mesh of every visible leaf. Where they do not fit, τ grows by whole steps until they do.
     pub(crate) fn meshes(
@@ -63,36 +100,75 @@ impl Gather<'_> {
         visible: &[Tile],
         refined: &mut Refined,
     ) -> Result<HashMap<Tile, Mesh>, RenderError> {
+        let refine = self.scene.data.refine;
+        let bounded = matches!(refine, Refine::TopDown | Refine::BottomUp);
+        let tau_px = self.scene.data.tau_px;
+        // What vertices themselves may be off comes on top, in whole steps too.
+        let curved_px = self.curved_px(pixels_per_radian, visible, refined);
+        let curved = if bounded && curved_px > CURVED_SHARE * tau_px {
+            (curved_px / tau_px).ceil()
+        } else {
+            0.0
+        };
+        let mut gathered = false;
         loop {
-            let steps = *self.tau_steps;
+            let steps = self.tau.steps;
             let view = RefineView {
                 eye: refined.eye,
                 pixels_per_radian,
-                tau_px: self.scene.data.tau_px * f64::from(steps),
+                tau_px: tau_px * f64::from(steps),
             };
             if let Some(meshes) = self.try_meshes(&view, visible, refined)? {
-                self.statistics.achieved_tau_px = self.statistics.achieved_tau_px.max(view.tau_px);
+                if refine != Refine::Off {
+                    let achieved_px = tau_px * (f64::from(steps) + curved);
+                    self.statistics.achieved_tau_px =
+                        self.statistics.achieved_tau_px.max(achieved_px);
+                }
                 let triangles: u64 = meshes
                     .values()
                     .map(|mesh| u64::from(mesh.draw().triangles))
                     .sum();
-                let roomy = triangles * ROOMY.1 < u64::from(self.meshes.most_triangles()) * ROOMY.0;
-                if steps > 1 && roomy {
-                    // For the next frame. What fits now stands.
-                    *self.tau_steps -= 1;
-                }
+                let room = u64::from(self.meshes.most_triangles());
+                self.tau
+                    .fitted(triangles * ROOMY.1 < room * ROOMY.0, self.frame);
                 return Ok(meshes);
             }
-            let refines = matches!(self.scene.data.refine, Refine::TopDown | Refine::BottomUp);
-            if !refines || steps > 1 << 20 {
+            // Room lies scattered between meshes: all are made anew, side by side, before anything else is given up.
+            if !gathered {
+                gathered = true;
+                self.meshes.clear();
+                continue;
+            }
+            if !bounded || steps > 1 << 20 {
                 return Err(RenderError::Mesh(format!(
                     "{} leaves do not fit into the memory for meshes: raise gpu_mib, or refine with \"top-down\"",
                     visible.len()
                 )));
             }
-            *self.tau_steps += 1.max(steps / 4);
+            self.tau.missed(self.frame);
             tracing::debug!(tau_px = view.tau_px, "meshes do not fit");
         }
+    }
+
+    /// The pixels by which a vertex of a visible leaf may itself be off: nothing but for leaves so coarse that only
+    /// lack of memory brings them near.
+    fn curved_px(&self, pixels_per_radian: f64, visible: &[Tile], refined: &Refined) -> f64 {
+        let ellipsoid = &self.scene.data.ellipsoid;
+        let scale = ellipsoid.semi_major_m / EARTH_RADIUS_M;
+        let coarse = visible.iter().filter(|leaf| leaf.level() < FLAT_LEVEL);
+        let off_px = |leaf: &Tile| {
+            let (lowest_m, highest_m) = refined
+                .geometry(*leaf)
+                .map_or((0.0, 0.0), |geometry| geometry.ground.range_m);
+            let hull = TileHull::new(ellipsoid, *leaf, lowest_m, highest_m);
+            let below = ellipsoid.normal_below(refined.eye);
+            let height_m = (refined.eye - ellipsoid.point(below, 0.0)).dot(below);
+            let beside_m = refined.eye.distance(hull.ball.centre) - hull.ball.radius_m;
+            let distance_m = beside_m.max(height_m - highest_m).max(1.0);
+            let off_m = scale * ROOT_OFF_M / f64::from(1_u32 << (3 * leaf.level()));
+            pixels_per_radian * off_m / distance_m
+        };
+        coarse.map(off_px).fold(0.0, f64::max)
     }
 
     /// The meshes under one τ; `None` where they do not fit.

@@ -29,7 +29,7 @@ use crate::meshes::{ARGUMENT_WORDS, Meshes};
 use crate::pipelines::Pipelines;
 use crate::process::Processor;
 use crate::refine::{PassTimes, Refiner};
-use crate::refining::Refined;
+use crate::refining::{Refined, TauSteps};
 use crate::source::Source;
 use crate::target::{BlockTarget, OutputTarget, Picture};
 use crate::textures::SurfaceTextures;
@@ -69,7 +69,7 @@ pub struct Renderer {
     refiner: Refiner,
     meshes: Meshes,
     /// How many times τ meshes may be off, so that all of them fit.
-    tau_steps: u32,
+    tau: TauSteps,
     /// Times of passes on the device, while they are wanted.
     times: Option<PassTimes>,
     scene: Option<LoadedScene>,
@@ -150,11 +150,11 @@ impl Renderer {
         outputs: &[OutputPlan],
         budget: RenderBudget,
     ) -> Result<Self, RenderError> {
-        // Three eighths for what is seen, a quarter for what it is made of, a quarter for heights and their errors, an
+        // Three eighths for what is seen, three for heights and their errors, an eighth for what these are made of, and an
         // eighth for meshes.
         let textures = SurfaceTextures::new(&gpu, budget.gpu_bytes / 8 * 3);
-        let processor = Processor::new(&gpu, budget.gpu_bytes / 4);
-        let geometries = Geometries::new(&gpu, budget.gpu_bytes / 4);
+        let processor = Processor::new(&gpu, budget.gpu_bytes / 8);
+        let geometries = Geometries::new(&gpu, budget.gpu_bytes / 8 * 3);
         let meshes = Meshes::new(&gpu, budget.gpu_bytes / 8);
         let refiner = Refiner::new(&gpu);
         let pipelines = Pipelines::new(&gpu, &textures)?;
@@ -173,7 +173,7 @@ impl Renderer {
             geometries,
             refiner,
             meshes,
-            tau_steps: 1,
+            tau: TauSteps::FIRST,
             times: None,
             scene: None,
             next: None,
@@ -348,7 +348,7 @@ impl Renderer {
             geometries: &mut self.geometries,
             refiner: &mut self.refiner,
             meshes: &mut self.meshes,
-            tau_steps: &mut self.tau_steps,
+            tau: &mut self.tau,
             times: &mut self.times,
             scene,
             shares: self.next.is_some() || self.last.is_some(),

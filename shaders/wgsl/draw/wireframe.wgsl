@@ -7,9 +7,9 @@
 #import shared::vertex
 
 // Lines are this share of the distance nearer than the surface that they lie on.
-const NEARER: f32 = 1.0005;
+const NEARER: f32 = 1.003;
 const QUADTREE_EDGE: vec4<f32> = vec4<f32>(1.0, 0.62, 0.05, 1.0);
-const MESH_EDGE: vec4<f32> = vec4<f32>(0.1, 0.95, 1.0, 1.0);
+const MESH_EDGE: vec4<f32> = vec4<f32>(0.25, 0.8, 0.85, 1.0);
 
 struct LineOut {
     @builtin(position) clip: vec4<f32>,

@@ -28,10 +28,12 @@ struct DeviceClock {
 
 impl PassTimes {
     pub(crate) fn new(gpu: &Gpu) -> Self {
-        let timed = gpu
-            .device
-            .features()
-            .contains(wgpu::Features::TIMESTAMP_QUERY);
+        // A driver that computes on the processor stamps when it takes a pass, not when it has done it.
+        let timed = !gpu.is_software()
+            && gpu
+                .device
+                .features()
+                .contains(wgpu::Features::TIMESTAMP_QUERY);
         let clock = if timed {
             "the device's clock"
         } else {
