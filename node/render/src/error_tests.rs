@@ -68,7 +68,7 @@ fn no_sample_is_further_off_than_tau() {
 #[test]
 fn both_ways_give_one_mesh_and_all_marks_give_no_error() {
     let Some(planet) = Planet::new() else { return };
-    let mut renderer = renderer(&planet, scene(&planet, Refine::TopDown, 1.0), 512 << 20);
+    let mut renderer = renderer(&planet, scene(&planet, Refine::TopDown, 1.0), 2048 << 20);
     let view = &views()[1];
     settle_on(&mut renderer, view, 2);
     let down = renderer.measure_error().unwrap();

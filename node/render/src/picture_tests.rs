@@ -132,7 +132,7 @@ fn two_eyes_share_tiles_without_sharing_seams() {
         screens: vec![far.screens[0], near.screens[0]],
         ..far.clone()
     };
-    let mut together = planet.renderer(&[both], 512 << 20);
+    let mut together = planet.renderer(&[both], 2048 << 20);
     settle(&mut together, &pair);
     let made = picture(&together);
     let mut alone = planet.renderer(&[output(rect)], 512 << 20);

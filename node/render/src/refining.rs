@@ -7,8 +7,8 @@ use std::collections::HashMap;
 use std::hash::{DefaultHasher, Hash as _, Hasher as _};
 use std::sync::Arc;
 
+use geodesy::Tile;
 use geodesy::frame::scalar_f32;
-use geodesy::{Tile, TileHull};
 use glam::DVec3;
 use shaders::{EmitLeaf, RefineLeaf};
 use terrain::{Domain, RefineView, Selection};
@@ -26,10 +26,9 @@ use crate::scene::Refine;
 const ROOMY: (u64, u64) = (1, 5);
 /// Frames after which a finer τ is tried again that did not fit.
 const PATIENCE_FRAMES: u64 = 60;
-/// How far an inner vertex of a root of the Earth may be off its place, in metres. With each level it is an eighth: the
-/// remainder of the quadratics that places are computed by (measured: 281).
-const ROOT_OFF_M: f64 = 300.0;
-const EARTH_RADIUS_M: f64 = 6_378_137.0;
+/// How far an inner vertex of a root may be off its place, as a share of the planet's radius: the remainder of the
+/// quadratics that places are computed by (measured: 4.4·10⁻⁵). With each level it is an eighth.
+const ROOT_OFF: f64 = 4.7e-5;
 /// The share of τ that this may come to without being told.
 const CURVED_SHARE: f64 = 0.02;
 
@@ -154,18 +153,17 @@ impl Gather<'_> {
     /// lack of memory brings them near.
     fn curved_px(&self, pixels_per_radian: f64, visible: &[Tile], refined: &Refined) -> f64 {
         let ellipsoid = &self.scene.data.ellipsoid;
-        let scale = ellipsoid.semi_major_m / EARTH_RADIUS_M;
         let coarse = visible.iter().filter(|leaf| leaf.level() < FLAT_LEVEL);
         let off_px = |leaf: &Tile| {
             let (lowest_m, highest_m) = refined
                 .geometry(*leaf)
                 .map_or((0.0, 0.0), |geometry| geometry.ground.range_m);
-            let hull = TileHull::new(ellipsoid, *leaf, lowest_m, highest_m);
+            let range_m = (lowest_m, highest_m);
+            let beside_m = terrain::distance_m(ellipsoid, *leaf, range_m, refined.eye);
             let below = ellipsoid.normal_below(refined.eye);
             let height_m = (refined.eye - ellipsoid.point(below, 0.0)).dot(below);
-            let beside_m = refined.eye.distance(hull.ball.centre) - hull.ball.radius_m;
             let distance_m = beside_m.max(height_m - highest_m).max(1.0);
-            let off_m = scale * ROOT_OFF_M / f64::from(1_u32 << (3 * leaf.level()));
+            let off_m = ROOT_OFF * ellipsoid.semi_major_m / f64::from(1_u32 << (3 * leaf.level()));
             pixels_per_radian * off_m / distance_m
         };
         coarse.map(off_px).fold(0.0, f64::max)

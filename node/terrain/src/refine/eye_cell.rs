@@ -60,9 +60,11 @@ pub fn eye_cell(ellipsoid: &Ellipsoid, tile: Tile, range_m: (f64, f64), eye: DVe
     }
 }
 
-/// A lower bound of the distance from the eye to the leaf's surface, in metres: that to the ball around it, or
-/// to the upright box around its hull, whichever is farther.
-fn distance_m(ellipsoid: &Ellipsoid, tile: Tile, range_m: (f64, f64), eye: DVec3) -> f64 {
+/// A lower bound of the distance from the eye to the surface of a leaf whose heights lie within `range_m`, in metres: that
+/// to the ball around it, or to the upright box around its hull, whichever is farther. Not positive where the eye may be
+/// inside.
+#[must_use]
+pub fn distance_m(ellipsoid: &Ellipsoid, tile: Tile, range_m: (f64, f64), eye: DVec3) -> f64 {
     let hull = TileHull::new(ellipsoid, tile, range_m.0, range_m.1);
     let to_ball = eye.distance(hull.ball.centre) - hull.ball.radius_m;
     let up = LatticePoint::of_tile(tile, CELLS / 2, CELLS / 2).normal();
