@@ -50,7 +50,7 @@ fn assert_within(measure: &ErrorMeasure, tau_px: f64, what: &str) {
 fn no_sample_is_further_off_than_tau() {
     let Some(planet) = Planet::new() else { return };
     for tau_px in [0.5, 1.0, 4.0] {
-        let mut renderer = renderer(&planet, scene(&planet, Refine::TopDown, tau_px), 256 << 20);
+        let mut renderer = renderer(&planet, scene(&planet, Refine::TopDown, tau_px), 1024 << 20);
         for (index, view) in views().iter().enumerate() {
             let statistics = settle_on(&mut renderer, view, 2);
             let measure = renderer.measure_error().unwrap();
@@ -102,7 +102,7 @@ fn both_ways_give_one_mesh_and_all_marks_give_no_error() {
 #[test]
 fn a_mesh_serves_while_the_view_barely_moves() {
     let Some(planet) = Planet::new() else { return };
-    let mut renderer = renderer(&planet, scene(&planet, Refine::TopDown, 1.0), 256 << 20);
+    let mut renderer = renderer(&planet, scene(&planet, Refine::TopDown, 1.0), 1024 << 20);
     let mut refined = 0;
     for step in 0..50 {
         let moved = view(-5.0 + f64::from(step) * 1e-5, 44.0, 4e5, -12.0);
@@ -119,7 +119,7 @@ fn a_mesh_serves_while_the_view_barely_moves() {
 #[test]
 fn the_bound_holds_in_every_frame_while_heights_change() {
     let Some(planet) = Planet::new() else { return };
-    let mut renderer = renderer(&planet, scene(&planet, Refine::TopDown, 1.0), 512 << 20);
+    let mut renderer = renderer(&planet, scene(&planet, Refine::TopDown, 1.0), 1024 << 20);
     for (index, view) in views().iter().enumerate() {
         settle_on(&mut renderer, view, 2 + index as u64 * 10);
         for change in 1..10_u64 {

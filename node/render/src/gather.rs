@@ -1,7 +1,7 @@
 //! One frame's way from a view to draws: selection, culling, data, meshes and layers.
 //!
 //! In: a scene, a view, the blocks to draw, what caches and pools hold. Out: patches per block with their
-//! records, wishes for what is missing, and figures. It submits uploads, but draws nothing, and it never waits.
+//! records, wishes for what is missing, and figures. It submits uploads, but draws nothing, and it waits for no data.
 
 use std::collections::{HashMap, HashSet};
 use std::time::Instant;
@@ -262,11 +262,16 @@ impl Gather<'_> {
         let elevation = self.elevation(eye, &domain);
         let shown = self.show(eye, visible)?;
         let mut refined = self.geometries(eye, selection, domain, &elevation)?;
-        let meshes = self.meshes(pixels_per_radian, visible, &mut refined)?;
+        // Meshes depend on all leaves around them: made before those are there, they would be made for nothing.
+        let meshes = if self.ahead && self.behind {
+            HashMap::new()
+        } else {
+            self.meshes(pixels_per_radian, visible, &mut refined)?
+        };
         let mut surfaces = HashMap::with_capacity(visible.len());
         for (leaf, shown) in visible.iter().zip(shown) {
             let Some(mesh) = meshes.get(leaf) else {
-                self.behind = true;
+                self.behind |= !self.ahead;
                 continue;
             };
             let place = |shown: Option<(Tile, u32)>| {
@@ -306,7 +311,12 @@ impl Gather<'_> {
 
     /// Whether a mesh may be built for the scene in preparation.
     pub(crate) fn may_build(&self) -> bool {
-        self.statistics.meshes_built == 0 || Instant::now() < self.upload_until
+        // At least one a frame, or a slow machine would never finish.
+        self.statistics.meshes_built == 0
+            || match self.steps_left {
+                Some(steps) => steps > 0,
+                None => Instant::now() < self.upload_until,
+            }
     }
 
     pub(crate) fn may_upload(&self) -> bool {

@@ -53,7 +53,7 @@ impl Gather<'_> {
         let mut geometries = Vec::with_capacity(domain.len());
         let mut plans = Vec::with_capacity(domain.len());
         let mut coarser_edges = Vec::with_capacity(domain.len());
-        let mut waiting = Vec::new();
+        let mut waiting: Vec<Waiting> = Vec::new();
         self.processor.begin();
         for leaf in &domain {
             let mut layers = Vec::with_capacity(elevation.len());
@@ -106,7 +106,17 @@ impl Gather<'_> {
                 relations: &relations,
                 coarser,
             };
-            let made = self.make_geometry(&heights, &sources, key, tile, &plan)?;
+            let made = match self.make_geometry(&heights, &sources, key, tile, &plan) {
+                Ok(made) => made,
+                Err(error) => {
+                    // Their slots hold what was there before.
+                    for leaf in &waiting {
+                        self.geometries.forget(leaf.key);
+                    }
+                    self.processor.submit(self.gpu);
+                    return Err(error);
+                }
+            };
             if made.is_none() {
                 self.behind = true;
             }
@@ -117,6 +127,8 @@ impl Gather<'_> {
             if waiting.len() == LEAVES_AT_ONCE {
                 self.fill(&waiting)?;
                 waiting.clear();
+                // All of it is in the device's hands: its slots may be lent again.
+                self.processor.begin();
             }
         }
         self.fill(&waiting)?;

@@ -11,8 +11,8 @@ use crate::scene::Refine;
 use crate::source::Source;
 
 /// How deep the planet is divided for its curvature alone, whatever data there is: from this level on the places of
-/// vertices are exact to a millimetre.
-pub(crate) const FLAT_LEVEL: u8 = 7;
+/// vertices are exact to a few micrometres.
+pub(crate) const FLAT_LEVEL: u8 = 8;
 
 /// How much finer than the data rims and lines are drawn: at most to the hundredth of a sample. Beyond that, 32-bit
 /// heights have no slope left from node to node.

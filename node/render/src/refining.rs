@@ -22,15 +22,15 @@ use crate::ranges::FLAT_LEVEL;
 use crate::refine::{MarkLimits, Marked, Method};
 use crate::scene::Refine;
 
-/// The share of the room for meshes below which a coarser τ is taken back: 1 of 5.
-const ROOMY: (u64, u64) = (1, 5);
+/// The share of the room for meshes that a finer τ may be expected to take for it to be tried: 4 of 5.
+const ROOMY: (u64, u64) = (4, 5);
 /// Frames after which a finer τ is tried again that did not fit.
 const PATIENCE_FRAMES: u64 = 60;
 /// How far an inner vertex of a root may be off its place, as a share of the planet's radius: the remainder of the
 /// quadratics that places are computed by (measured: 4.4·10⁻⁵). With each level it is an eighth.
 const ROOT_OFF: f64 = 4.7e-5;
-/// The share of τ that this may come to without being told.
-const CURVED_SHARE: f64 = 0.02;
+/// The pixels that this may come to without being told: what allowances keep back for it.
+const KEPT_BACK_PX: f64 = 0.01;
 
 /// The leaves that a view refines, with what they are made of.
 #[derive(Debug)]
@@ -61,6 +61,15 @@ impl Refined {
     fn geometry(&self, leaf: Tile) -> Option<&Geometry> {
         self.geometries.get(self.place(leaf)?)?.as_ref()
     }
+}
+
+/// What became of meshes under one τ.
+enum Tried {
+    Fits(HashMap<Tile, Mesh>),
+    /// More marks than there could ever be room for.
+    TooMany,
+    /// There is no room beside what is there.
+    NoRoom,
 }
 
 /// How many times the scene's τ meshes may be off, so that all of them fit. A finer one is tried again from time to
@@ -104,7 +113,7 @@ impl Gather<'_> {
         let tau_px = self.scene.data.tau_px;
         // What vertices themselves may be off comes on top, in whole steps too.
         let curved_px = self.curved_px(pixels_per_radian, visible, refined);
-        let curved = if bounded && curved_px > CURVED_SHARE * tau_px {
+        let curved = if bounded && curved_px > KEPT_BACK_PX {
             (curved_px / tau_px).ceil()
         } else {
             0.0
@@ -117,8 +126,9 @@ impl Gather<'_> {
                 pixels_per_radian,
                 tau_px: tau_px * f64::from(steps),
             };
-            if let Some(meshes) = self.try_meshes(&view, visible, refined)? {
-                if refine != Refine::Off {
+            let tried = self.try_meshes(&view, visible, refined)?;
+            if let Tried::Fits(meshes) = tried {
+                if bounded {
                     let achieved_px = tau_px * (f64::from(steps) + curved);
                     self.statistics.achieved_tau_px =
                         self.statistics.achieved_tau_px.max(achieved_px);
@@ -127,13 +137,21 @@ impl Gather<'_> {
                     .values()
                     .map(|mesh| u64::from(mesh.draw().triangles))
                     .sum();
+                // Triangles grow as τ falls.
+                let before = u64::from(steps.saturating_sub(1));
                 let room = u64::from(self.meshes.most_triangles());
-                self.tau
-                    .fitted(triangles * ROOMY.1 < room * ROOMY.0, self.frame);
+                let roomy = triangles * u64::from(steps) * ROOMY.1 < room * before * ROOMY.0;
+                if !self.ahead {
+                    self.tau.fitted(roomy, self.frame);
+                }
                 return Ok(meshes);
             }
-            // Room lies scattered between meshes: all are made anew, side by side, before anything else is given up.
-            if !gathered {
+            // What is shown comes first. The meshes of a scene in preparation can wait until it is.
+            if self.ahead {
+                return Ok(HashMap::new());
+            }
+            // Room lies scattered between meshes: where none is drawn in this frame yet, all are made anew, side by side.
+            if matches!(tried, Tried::NoRoom) && !gathered && self.refined.is_empty() {
                 gathered = true;
                 self.meshes.clear();
                 continue;
@@ -169,13 +187,13 @@ impl Gather<'_> {
         coarse.map(off_px).fold(0.0, f64::max)
     }
 
-    /// The meshes under one τ; `None` where they do not fit.
+    /// The meshes under one τ.
     fn try_meshes(
         &mut self,
         view: &RefineView,
         visible: &[Tile],
         refined: &mut Refined,
-    ) -> Result<Option<HashMap<Tile, Mesh>>, RenderError> {
+    ) -> Result<Tried, RenderError> {
         let tables = self.tables(view, refined);
         refined.drawn.clear();
         refined.undrawn = 0;
@@ -196,7 +214,7 @@ impl Gather<'_> {
             }
         }
         if missing.is_empty() {
-            return Ok(Some(meshes));
+            return Ok(Tried::Fits(meshes));
         }
         let leaves: Vec<Tile> = missing.iter().map(|(leaf, _)| *leaf).collect();
         let near: Vec<Tile> = terrain::ring(&refined.selection, &leaves)
@@ -248,7 +266,7 @@ impl Gather<'_> {
             self.times,
         )?;
         let Marked::Counts(counts) = marked else {
-            return Ok(None);
+            return Ok(Tried::TooMany);
         };
         let mut emits = Vec::with_capacity(missing.len());
         for (index, (leaf, key)) in missing.iter().enumerate() {
@@ -265,7 +283,7 @@ impl Gather<'_> {
                 for (_, key) in missing.iter().take(index) {
                     self.meshes.forget(*key);
                 }
-                return Ok(None);
+                return Ok(Tried::NoRoom);
             };
             emits.push(EmitLeaf {
                 place: place as u32,
@@ -295,7 +313,7 @@ impl Gather<'_> {
         }
         self.statistics.refined_leaves += emits.len() as u32;
         self.worked = true;
-        emitted.map(|()| Some(meshes))
+        emitted.map(|()| Tried::Fits(meshes))
     }
 
     /// What each leaf allows, by leaf; nothing where the mesh does not depend on the view.

@@ -15,7 +15,7 @@ pub struct ErrorReport {
     pub measured_max: Option<f64>,
     /// Samples that were looked at.
     pub samples: u64,
-    /// Of them, those that no triangle covers. There must be none.
+    /// Samples beside them that no triangle covers. There must be none.
     pub uncovered: u64,
     /// Pictures that were measured; one without ground in view is not counted.
     pub views: u64,
@@ -35,11 +35,13 @@ impl ErrorReport {
 
     /// Adds a picture.
     pub fn add(&mut self, measured: &ErrorMeasured) {
-        if measured.samples == 0 {
+        if measured.samples == 0 && measured.uncovered == 0 {
             return;
         }
         let largest = self.measured_max.unwrap_or(0.0);
-        self.measured_max = Some(largest.max(measured.max_px));
+        // What is no number is worse than any.
+        let worse = measured.max_px.is_nan() || measured.max_px > largest;
+        self.measured_max = Some(if worse { measured.max_px } else { largest });
         self.samples = self.samples.saturating_add(measured.samples);
         self.uncovered = self.uncovered.saturating_add(measured.uncovered);
         self.views += 1;

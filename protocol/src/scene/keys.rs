@@ -263,7 +263,7 @@ impl Keyed for Atmosphere {
 impl Keyed for MeshOptions {
     fn fields(&mut self) -> Vec<Field<'_>> {
         // Coarser tiles are too curved to be drawn within τ from near.
-        let levels = 7..=i64::from(geodesy::MAX_LEVEL);
+        let levels = 8..=i64::from(geodesy::MAX_LEVEL);
         vec![
             Field::new("refine", Slot::Choice(&mut self.refine)),
             Field::number("tau", &mut self.tau, 0.05..=100.0),

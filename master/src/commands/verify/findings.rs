@@ -142,7 +142,7 @@ impl Findings {
             .worst
             .as_ref()
             .is_none_or(|worst| this > rank(worst.uncovered, worst.measured_max));
-        if measure.samples > 0 && is_worse {
+        if (measure.samples > 0 || measure.uncovered > 0) && is_worse {
             self.worst = Some(Worst::new(looked, measured));
         }
     }

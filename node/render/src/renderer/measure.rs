@@ -97,7 +97,11 @@ impl Renderer {
     /// Triangles of the smallest meshes that keep the picture drawn last within τ at every sample, over the same
     /// leaves: what no refinement can do without. Slow.
     pub fn minimum_triangles(&mut self) -> Result<u64, RenderError> {
-        let (Some(last), Some(scene)) = (self.last.take(), self.scene.take()) else {
+        let Some(last) = self.last.take() else {
+            return Ok(0);
+        };
+        let Some(scene) = self.scene.take() else {
+            self.last = Some(last);
             return Ok(0);
         };
         let mut total = Ok(0);
@@ -231,6 +235,11 @@ impl Renderer {
                     }
                 }
             }
+        }
+        if let Some(node) = heights_m.iter().position(|height_m| !height_m.is_finite()) {
+            return Err(RenderError::Mesh(format!(
+                "the fused height at node {node} of tile {leaf} is not finite: correct the layers' parameters"
+            )));
         }
         set_border(
             &mut heights_m,
