@@ -29,8 +29,8 @@ const PATIENCE_FRAMES: u64 = 60;
 /// How far an inner vertex of a root may be off its place, as a share of the planet's radius: the remainder of the
 /// quadratics that places are computed by (measured: 4.4·10⁻⁵). With each level it is an eighth.
 const ROOT_OFF: f64 = 4.7e-5;
-/// The pixels that this may come to without being told: what allowances keep back for it.
-const KEPT_BACK_PX: f64 = 0.01;
+/// The share of τ that this may come to without being told: distances are lower bounds, and mostly far too low.
+const CURVED_SHARE: f64 = 0.02;
 
 /// The leaves that a view refines, with what they are made of.
 #[derive(Debug)]
@@ -113,7 +113,7 @@ impl Gather<'_> {
         let tau_px = self.scene.data.tau_px;
         // What vertices themselves may be off comes on top, in whole steps too.
         let curved_px = self.curved_px(pixels_per_radian, visible, refined);
-        let curved = if bounded && curved_px > KEPT_BACK_PX {
+        let curved = if bounded && curved_px > CURVED_SHARE * tau_px {
             (curved_px / tau_px).ceil()
         } else {
             0.0
