@@ -66,6 +66,8 @@ pub(crate) struct Geometries {
     known: HashMap<GeometryKey, Entry>,
     free: Vec<u32>,
     tables: HashMap<(GeometryKey, TableKey), Table>,
+    /// The frame in which tables were last given up.
+    trimmed: u64,
 }
 
 impl Geometries {
@@ -81,6 +83,7 @@ impl Geometries {
             known: HashMap::new(),
             free: (0..most).rev().collect(),
             tables: HashMap::new(),
+            trimmed: 0,
         }
     }
 
@@ -134,8 +137,10 @@ impl Geometries {
         frame: u64,
         make: impl FnOnce() -> Vec<u32>,
     ) -> Arc<Vec<u32>> {
-        if self.tables.len() > TABLES_PER_SLOT * self.capacity() {
+        // Once a frame at most: those in use stay, however many they are.
+        if self.tables.len() > TABLES_PER_SLOT * self.capacity() && self.trimmed < frame {
             self.tables.retain(|_, table| table.used + 1 >= frame);
+            self.trimmed = frame;
         }
         let entry = self
             .tables
@@ -161,11 +166,12 @@ impl Geometries {
 
 /// What stands for a view in a table of allowances.
 pub(crate) fn table_key(cell: &EyeCell, pixels_per_radian: f64, tau_px: f64) -> TableKey {
+    let [x, y, z, radius] = cell.to_bits();
     [
-        cell.centre.x.to_bits(),
-        cell.centre.y.to_bits(),
-        cell.centre.z.to_bits(),
-        cell.radius_m.to_bits(),
+        x,
+        y,
+        z,
+        radius,
         pixels_per_radian.to_bits(),
         tau_px.to_bits(),
     ]

@@ -10,9 +10,8 @@ use terrain::{BLOCKS, BlockRanges, ElevationLayer, Lattice, MeshError, TileGeome
 
 use crate::geometry::Ground;
 use crate::heights::VertexHeights;
-use crate::layer::Blend;
-use crate::loaded::{Active, LoadedScene, ParameterSet};
-use crate::ranges::{around, processed};
+use crate::loaded::{Active, LoadedScene};
+use crate::ranges::{around, fused_range, processed};
 
 /// Cells along a side of a block, and blocks along a side of a leaf.
 const BLOCK_CELLS: i64 = 16;
@@ -187,68 +186,4 @@ fn block_samples(leaf: Tile, data: &dyn Lattice) -> Vec<Samples> {
         }
     }
     samples
-}
-
-/// Bounds of a layer's processed heights in a block, and whether it has holes there.
-type LayerRange = ((f64, f64), bool);
-
-/// Bounds of what fusion makes of the layers' bounds in a block, where each tells whether it has holes.
-fn fused_range(set: &ParameterSet, of_layer: &dyn Fn(&Active) -> Option<LayerRange>) -> (f64, f64) {
-    let mut below: Option<(f64, f64)> = None;
-    let order = |active: &Active| (active.fusion.priority, active.fusion.blend);
-    // Nothing covers the block as yet, and so nothing is seen through what does.
-    let (mut holes, mut solid) = (true, true);
-    for group in set.heights.chunk_by(|a, b| order(a) == order(b)) {
-        let mut own: Option<(f64, f64)> = None;
-        let (mut group_holes, mut opaque) = (true, true);
-        for active in group {
-            let Some((range, layer_holes)) = of_layer(active) else {
-                continue;
-            };
-            // A weighted mean lies within the bounds of its parts.
-            own = Some(own.map_or(range, |own| around(own, range)));
-            group_holes &= layer_holes;
-            opaque &= active.fusion.opacity >= 1.0;
-        }
-        let Some(own) = own else {
-            continue;
-        };
-        below = Some(match below {
-            None => own,
-            Some(under) => {
-                let blended = match group.first().map(|active| active.fusion.blend) {
-                    Some(Blend::Add) => (under.0 + own.0, under.1 + own.1),
-                    Some(Blend::Multiply) => products(under, own),
-                    _ => own,
-                };
-                let mut all = blended;
-                // Over holes and over what is not opaque the layer stands for itself; through its own holes, and where it
-                // is not opaque, shows what is below.
-                if holes || !solid {
-                    all = around(all, own);
-                }
-                if group_holes || !opaque {
-                    all = around(all, under);
-                }
-                all
-            }
-        });
-        solid = opaque || (solid && !holes && !group_holes);
-        holes &= group_holes;
-    }
-    match below {
-        None => (0.0, 0.0),
-        // Ground without data lies on the ellipsoid.
-        Some(range) if holes => around(range, (0.0, 0.0)),
-        Some(range) => range,
-    }
-}
-
-fn products(a: (f64, f64), b: (f64, f64)) -> (f64, f64) {
-    let products = [a.0 * b.0, a.0 * b.1, a.1 * b.0, a.1 * b.1];
-    products
-        .into_iter()
-        .map(|product| (product, product))
-        .reduce(around)
-        .unwrap_or_default()
 }

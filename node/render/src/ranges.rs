@@ -10,8 +10,8 @@ use crate::loaded::{Active, LoadedScene, ParameterSet};
 use crate::scene::Refine;
 use crate::source::Source;
 
-/// How deep the planet is divided for its curvature alone, whatever data there is: from this level on the places of
-/// vertices are exact to a few micrometres.
+/// How deep the planet is divided near the eye for its curvature alone, whatever data there is: from this level on the
+/// places of vertices are exact to a few micrometres.
 pub(crate) const FLAT_LEVEL: u8 = 8;
 
 /// How much finer than the data rims and lines are drawn: at most to the hundredth of a sample. Beyond that, 32-bit
@@ -56,6 +56,10 @@ impl HeightRanges for Ranges<'_> {
         })
     }
 
+    fn flat_level(&self) -> u8 {
+        FLAT_LEVEL
+    }
+
     fn is_worth_dividing(&self, tile: Tile) -> bool {
         let scene = self.0;
         // A base patch has vertices on every node of data this many levels up; a refined mesh on its own.
@@ -85,7 +89,6 @@ impl HeightRanges for Ranges<'_> {
             tile.level() < finest + SHARP_LEVELS && (lines || rim(true) || rim(false))
         });
         sharp
-            || tile.level() < FLAT_LEVEL
             || tile.level() < meshed + reach
             || visible
                 .filter_map(|layer| scene.source(*layer))
@@ -99,7 +102,7 @@ impl Ranges<'_> {
         let of_set = |set: &ParameterSet| {
             let whole = |active: &Active| {
                 let source = self.0.source(active.layer)?;
-                processed(active, source, source.bounds)
+                Some((processed(active, source, source.bounds)?, true))
             };
             fused_range(set, &whole).0
         };
@@ -111,7 +114,8 @@ impl Ranges<'_> {
         let mut range = (0.0, 0.0);
         let shown = |active: &Active| {
             let source = self.0.source(active.layer)?;
-            processed(active, source, source.bounds_in(tile)?)
+            // Where it has holes is not known without its samples.
+            Some((processed(active, source, source.bounds_in(tile)?)?, true))
         };
         for set in self.0.sets_in(tile, true) {
             range = around(range, fused_range(&self.0.sets[set], &shown));
@@ -128,31 +132,69 @@ impl Ranges<'_> {
     }
 }
 
-/// Bounds of what fusion can make of the layers' bounds, wherever some of them may have holes.
-fn fused_range(set: &ParameterSet, range_of: &dyn Fn(&Active) -> Option<(f64, f64)>) -> (f64, f64) {
-    let mut below = (0.0, 0.0);
+/// Bounds of a layer's processed heights somewhere, and whether it may have holes there.
+pub(crate) type LayerRange = ((f64, f64), bool);
+
+/// Bounds of what fusion can make of the layers' bounds. Ground without data lies on the ellipsoid.
+pub(crate) fn fused_range(
+    set: &ParameterSet,
+    range_of: &dyn Fn(&Active) -> Option<LayerRange>,
+) -> (f64, f64) {
+    let mut below: Option<(f64, f64)> = None;
     let order = |active: &Active| (active.fusion.priority, active.fusion.blend);
+    // Nothing covers the ground as yet, and so nothing is seen through what does.
+    let (mut holes, mut solid) = (true, true);
     for group in set.heights.chunk_by(|a, b| order(a) == order(b)) {
-        // A weighted mean lies within the bounds of its parts.
-        let Some(own) = group.iter().filter_map(range_of).reduce(around) else {
+        let mut own: Option<(f64, f64)> = None;
+        let (mut group_holes, mut opaque) = (true, true);
+        for active in group {
+            let Some((range, layer_holes)) = range_of(active) else {
+                continue;
+            };
+            // A weighted mean lies within the bounds of its parts.
+            own = Some(own.map_or(range, |own| around(own, range)));
+            group_holes &= layer_holes;
+            opaque &= active.fusion.opacity >= 1.0;
+        }
+        let Some(own) = own else {
             continue;
         };
-        let (low, high) = own;
-        let blended = match group.first().map(|active| active.fusion.blend) {
-            Some(Blend::Add) => (below.0 + low, below.1 + high),
-            Some(Blend::Multiply) => {
-                let products = [below.0 * low, below.0 * high, below.1 * low, below.1 * high];
-                let point = |product| (product, product);
-                products
-                    .into_iter()
-                    .fold((0.0, 0.0), |range, product| around(range, point(product)))
+        below = Some(match below {
+            None => own,
+            Some(under) => {
+                let mut all = match group.first().map(|active| active.fusion.blend) {
+                    Some(Blend::Add) => (under.0 + own.0, under.1 + own.1),
+                    Some(Blend::Multiply) => products(under, own),
+                    _ => own,
+                };
+                // Over holes, and over what is not opaque, the layer stands for itself.
+                if holes || !solid {
+                    all = around(all, own);
+                }
+                // Through its holes, and where it is not opaque, shows what is below.
+                if group_holes || !opaque {
+                    all = around(all, under);
+                }
+                all
             }
-            _ => own,
-        };
-        // What is below may show through, and over holes of it the layer stands alone.
-        below = around(around(below, own), blended);
+        });
+        // Where the group is, one of both must be opaque; where it is not, what is below.
+        solid = (opaque || (solid && !holes)) && (solid || !group_holes);
+        holes &= group_holes;
     }
-    below
+    match below {
+        None => (0.0, 0.0),
+        Some(range) if holes => around(range, (0.0, 0.0)),
+        Some(range) => range,
+    }
+}
+
+fn products(a: (f64, f64), b: (f64, f64)) -> (f64, f64) {
+    let all = [a.0 * b.0, a.0 * b.1, a.1 * b.0, a.1 * b.1];
+    (
+        all.into_iter().fold(f64::INFINITY, f64::min),
+        all.into_iter().fold(f64::NEG_INFINITY, f64::max),
+    )
 }
 
 /// Bounds in quanta to bounds of processed heights in metres.
@@ -181,4 +223,85 @@ fn height_m(elevation: &Elevation, raw_m: f64) -> f64 {
 
 pub(crate) fn around(a: (f64, f64), b: (f64, f64)) -> (f64, f64) {
     (a.0.min(b.0), a.1.max(b.1))
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used, reason = "a test that panics has failed")]
+
+    use shaders::cpu;
+
+    use super::*;
+    use crate::layer::Fusion;
+    use crate::process::fuse;
+    use crate::test_planet::HEIGHTS;
+
+    /// Numbers below `most` without any order.
+    struct Random(u64);
+
+    impl Random {
+        fn below(&mut self, most: u64) -> u64 {
+            self.0 = self
+                .0
+                .wrapping_mul(6_364_136_223_846_793_005)
+                .wrapping_add(1);
+            (self.0 >> 33) % most
+        }
+    }
+
+    #[test]
+    fn whatever_is_fused_lies_within_the_bounds() {
+        let mut random = Random(5);
+        let mut narrow = 0;
+        for _ in 0..4000 {
+            let count = 1 + random.below(4) as usize;
+            let mut heights: Vec<Active> = (0..count)
+                .map(|layer| Active {
+                    layer,
+                    fusion: Fusion {
+                        priority: random.below(3) as i32,
+                        weight: 1.0 + random.below(3) as f64,
+                        opacity: [0.3, 0.7, 1.0, 1.0][random.below(4) as usize],
+                        blend: [Blend::Normal, Blend::Normal, Blend::Add, Blend::Multiply]
+                            [random.below(4) as usize],
+                    },
+                    process: Process::Elevation(HEIGHTS),
+                })
+                .collect();
+            heights.sort_by_key(|active| (active.fusion.priority, active.fusion.blend));
+            let ranges: Vec<LayerRange> = (0..count)
+                .map(|_| {
+                    let low = random.below(200) as f64 - 100.0;
+                    ((low, low + random.below(50) as f64), random.below(3) == 0)
+                })
+                .collect();
+            let fusions: Vec<Fusion> = heights.iter().map(|active| active.fusion).collect();
+            let set = ParameterSet {
+                heights,
+                ..ParameterSet::default()
+            };
+            let (low, high) = fused_range(&set, &|active| ranges.get(active.layer).copied());
+            let uniform = fuse(&fusions);
+            for _ in 0..20 {
+                let samples: Vec<Option<f32>> = set
+                    .heights
+                    .iter()
+                    .map(|active| {
+                        let ((from, to), holes) = ranges[active.layer];
+                        let share = random.below(5) as f64 / 4.0;
+                        let hole = holes && random.below(2) == 0;
+                        (!hole).then_some((from + (to - from) * share) as f32)
+                    })
+                    .collect();
+                let fused = cpu::fuse_elevation::fuse(&uniform, &samples).map_or(0.0, f64::from);
+                let slack = 1e-3 + 1e-5 * low.abs().max(high.abs());
+                assert!(
+                    (low - slack..=high + slack).contains(&fused),
+                    "{fused} is not in {low}…{high}: {set:?} {ranges:?} {samples:?}"
+                );
+            }
+            narrow += usize::from(!(low..=high).contains(&0.0));
+        }
+        assert!(narrow > 400, "only {narrow} bounds leave 0 out");
+    }
 }

@@ -1,9 +1,12 @@
-//! From the device back to memory, for pictures that are measured. Nothing that is drawn comes this way.
-//! In: buffers and slots. Out: their bytes and words. It waits for the device.
+//! From the device back to memory: finished pictures, and what pictures are measured by. No mesh that is drawn comes
+//! this way. In: buffers and slots. Out: their bytes and words. It waits for the device.
 
 use crate::error::RenderError;
 use crate::gpu::Gpu;
 use crate::process::SLOT_SIDE;
+
+/// What errors call meshes and heights.
+const MESH: &str = "the mesh";
 
 /// All bytes of a buffer.
 pub(crate) fn read_buffer(gpu: &Gpu, buffer: &wgpu::Buffer) -> Result<Vec<u8>, RenderError> {
@@ -13,7 +16,7 @@ pub(crate) fn read_buffer(gpu: &Gpu, buffer: &wgpu::Buffer) -> Result<Vec<u8>, R
         .create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
     encoder.copy_buffer_to_buffer(buffer, 0, &staging, 0, buffer.size());
     gpu.queue.submit([encoder.finish()]);
-    map(gpu, &staging, <[u8]>::to_vec)
+    map(gpu, &staging, staging.size(), MESH, <[u8]>::to_vec)
 }
 
 /// All 275×275 words of a slot.
@@ -36,7 +39,7 @@ pub(crate) fn read_slot(gpu: &Gpu, texture: &wgpu::Texture) -> Result<Vec<u32>, 
         texture.size(),
     );
     gpu.queue.submit([encoder.finish()]);
-    map(gpu, &staging, |bytes| {
+    map(gpu, &staging, staging.size(), MESH, |bytes| {
         let rows = bytes.chunks(row_bytes as usize);
         let words = rows.flat_map(|row| row.chunks_exact(4).take(SLOT_SIDE as usize));
         words
@@ -45,7 +48,8 @@ pub(crate) fn read_slot(gpu: &Gpu, texture: &wgpu::Texture) -> Result<Vec<u32>, 
     })
 }
 
-fn staging(gpu: &Gpu, size: u64) -> wgpu::Buffer {
+/// A buffer that can be read from here.
+pub(crate) fn staging(gpu: &Gpu, size: u64) -> wgpu::Buffer {
     gpu.device.create_buffer(&wgpu::BufferDescriptor {
         label: Some("read back"),
         size,
@@ -54,30 +58,34 @@ fn staging(gpu: &Gpu, size: u64) -> wgpu::Buffer {
     })
 }
 
-fn map<T>(
+/// Waits for what was copied into a buffer and reads its first bytes. `what` names it in errors.
+pub(crate) fn map<T>(
     gpu: &Gpu,
     staging: &wgpu::Buffer,
+    bytes: u64,
+    what: &str,
     read: impl FnOnce(&[u8]) -> T,
 ) -> Result<T, RenderError> {
     let failed = |reason: String| RenderError::Readback {
-        output: "the mesh".to_owned(),
+        output: what.to_owned(),
         reason,
     };
+    let slice = staging.slice(..bytes);
     let (sender, receiver) = std::sync::mpsc::channel();
-    staging
-        .slice(..)
-        .map_async(wgpu::MapMode::Read, move |result| {
-            // The receiver lives until the wait below has returned.
-            let _ = sender.send(result);
-        });
+    slice.map_async(wgpu::MapMode::Read, move |result| {
+        // The receiver lives until the wait below has returned.
+        let _ = sender.send(result);
+    });
     gpu.wait()?;
     receiver
         .recv()
         .map_err(|error| failed(error.to_string()))?
         .map_err(|error| failed(error.to_string()))?;
-    let mapped = staging
-        .slice(..)
+    let mapped = slice
         .get_mapped_range()
         .map_err(|error| failed(error.to_string()))?;
-    Ok(read(&mapped))
+    let found = read(&mapped);
+    drop(mapped);
+    staging.unmap();
+    Ok(found)
 }

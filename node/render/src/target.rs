@@ -4,6 +4,7 @@
 use crate::canvas::OutputPlan;
 use crate::error::RenderError;
 use crate::gpu::Gpu;
+use crate::readback::{map, staging};
 
 /// Pictures hold gamma-encoded colour as it goes to a screen or into a PNG.
 pub(crate) const COLOUR: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8Unorm;
@@ -92,12 +93,7 @@ impl OutputTarget {
     pub(crate) fn read(&self, gpu: &Gpu, name: &str) -> Result<Picture, RenderError> {
         let (width, height) = (self.texture.width(), self.texture.height());
         let row_bytes = (width * 4).next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT);
-        let buffer = gpu.device.create_buffer(&wgpu::BufferDescriptor {
-            label: Some("read back"),
-            size: u64::from(row_bytes) * u64::from(height),
-            usage: wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ,
-            mapped_at_creation: false,
-        });
+        let buffer = staging(gpu, u64::from(row_bytes) * u64::from(height));
         let mut encoder = gpu
             .device
             .create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
@@ -114,30 +110,12 @@ impl OutputTarget {
             self.texture.size(),
         );
         gpu.queue.submit([encoder.finish()]);
-        let failed = |reason: String| RenderError::Readback {
-            output: name.to_owned(),
-            reason,
-        };
-        let (sender, receiver) = std::sync::mpsc::channel();
-        buffer
-            .slice(..)
-            .map_async(wgpu::MapMode::Read, move |result| {
-                // The receiver lives until the wait below has returned.
-                let _ = sender.send(result);
-            });
-        gpu.wait()?;
-        receiver
-            .recv()
-            .map_err(|error| failed(error.to_string()))?
-            .map_err(|error| failed(error.to_string()))?;
-        let mapped = buffer
-            .slice(..)
-            .get_mapped_range()
-            .map_err(|error| failed(error.to_string()))?;
-        let mut rgba = Vec::with_capacity((width * height * 4) as usize);
-        for row in mapped.chunks(row_bytes as usize) {
-            rgba.extend_from_slice(row.get(..(width * 4) as usize).unwrap_or(row));
-        }
+        let rgba = map(gpu, &buffer, buffer.size(), name, |bytes| {
+            let rows = bytes.chunks(row_bytes as usize);
+            rows.flat_map(|row| row.get(..(width * 4) as usize).unwrap_or(row))
+                .copied()
+                .collect()
+        })?;
         Ok(Picture {
             width,
             height,

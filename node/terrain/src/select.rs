@@ -8,6 +8,9 @@ use glam::DVec3;
 use crate::solid_angle::Criterion;
 use crate::tile_set::{TileSet, key};
 
+/// The solid angle beyond which a tile is close: its curve shows, even where its samples do not.
+const CLOSE_SR: f64 = 1.0;
+
 /// What the level of detail depends on.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LodView {
@@ -69,6 +72,13 @@ pub trait HeightRanges {
         }
     }
 
+    /// The level from which on tiles are flat enough to be looked at from anywhere. Coarser ones are divided where they
+    /// cover more than one steradian, whether or not that shows anything else. Bound by the same rule: the same answer
+    /// on every node.
+    fn flat_level(&self) -> u8 {
+        0
+    }
+
     /// Whether the children of `tile` could show anything that it cannot: finer data, or data that its
     /// own patch is too coarse for. Bound by the same rule: the same answer on every node.
     fn is_worth_dividing(&self, _tile: Tile) -> bool {
@@ -104,7 +114,7 @@ pub struct Selection {
 }
 
 /// Selects the leaves for a view. The result is the smallest restricted quadtree in which no leaf
-/// above `deepest_level` that is worth dividing covers more than `tile_px`² pixels; it does not depend on the order of work.
+/// above `deepest_level` that is worth dividing, or is curved and close, covers more than `tile_px`² pixels; it does not depend on the order of work.
 ///
 /// A tile's pixels are the solid angle of the convex hull of [`TileHull::corners`] times
 /// `pixels_per_radian`², with the heights of [`HeightRanges::relief`]. If there are more than `most_tiles` leaves, `tile_px` grows by factors of √2;
@@ -124,6 +134,7 @@ pub fn select(
     };
     let below = ellipsoid.normal_below(view.eye);
     let eye_height_m = (view.eye - ellipsoid.point(below, 0.0)).dot(below);
+    let close = Criterion::new(view.eye, CLOSE_SR);
     let mut tile_px = limits.tile_px;
     loop {
         let radians = tile_px / view.pixels_per_radian;
@@ -136,11 +147,13 @@ pub fn select(
             },
         );
         let wanted = |tile: Tile| {
-            if !ranges.is_worth_dividing(tile) {
+            let worth = ranges.is_worth_dividing(tile);
+            if !worth && tile.level() >= ranges.flat_level() {
                 return false;
             }
             let (lowest_m, highest_m) = slab(tile, ranges.relief(tile), eye_height_m);
-            criterion.exceeded_by(&TileHull::new(ellipsoid, tile, lowest_m, highest_m).corners)
+            let corners = TileHull::new(ellipsoid, tile, lowest_m, highest_m).corners;
+            criterion.exceeded_by(&corners) && (worth || close.exceeded_by(&corners))
         };
         // Grows without end only until the threshold passes 4π, which nothing exceeds.
         if let Some(selection) = Selection::grow(limits.deepest_level, most_tiles, tile_px, &wanted)

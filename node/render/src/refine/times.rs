@@ -2,11 +2,11 @@
 //! In: passes as they are encoded. Out: labels and milliseconds in the order of running. Passes that are timed are
 //! waited for; what they compute is the same.
 
-use std::sync::mpsc;
 use std::time::Instant;
 
 use crate::error::RenderError;
 use crate::gpu::Gpu;
+use crate::readback::map;
 
 /// Passes that one submission can time. Those beyond are run and not timed.
 const MOST_PASSES: u32 = 128;
@@ -200,29 +200,10 @@ pub(crate) fn read_mapped<T: bytemuck::Pod>(
     buffer: &wgpu::Buffer,
     bytes: u64,
 ) -> Result<Vec<T>, RenderError> {
-    let failed = |reason: String| RenderError::Readback {
-        output: "counts of the mesh".to_owned(),
-        reason,
-    };
     if bytes == 0 {
         return Ok(Vec::new());
     }
-    let slice = buffer.slice(..bytes);
-    let (sender, receiver) = mpsc::channel();
-    slice.map_async(wgpu::MapMode::Read, move |mapped| {
-        // The receiver lives until the wait below has returned.
-        let _ = sender.send(mapped);
-    });
-    gpu.wait()?;
-    receiver
-        .recv()
-        .map_err(|error| failed(error.to_string()))?
-        .map_err(|error| failed(error.to_string()))?;
-    let mapped = slice
-        .get_mapped_range()
-        .map_err(|error| failed(error.to_string()))?;
-    let read = bytemuck::pod_collect_to_vec(&mapped[..]);
-    drop(mapped);
-    buffer.unmap();
-    Ok(read)
+    map(gpu, buffer, bytes, "counts of the mesh", |bytes| {
+        bytemuck::pod_collect_to_vec(bytes)
+    })
 }
