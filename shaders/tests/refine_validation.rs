@@ -84,7 +84,7 @@ fn layout_of(name: &str) -> Option<(usize, Vec<(&'static str, usize)>)> {
         "Leaf" => layout!(RefineLeaf: links, flags, geometry, level),
         "Emission" => {
             layout!(Emission: place, geometry, first_vertex, first_index, unit_m, argument, record,
-            first_entry, vertices, triangles, entries)
+            first_entry, vertices, triangles, entries, window_vertex, window_index)
         }
         "Worklist" | "Window" => None,
         other => panic!("struct {other} has no layout in this test"),

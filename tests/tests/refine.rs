@@ -467,12 +467,6 @@ fn the_bench_measures_every_second_of_its_sequence() {
                 .collect(),
         );
         for second in seconds {
-            if second["whole"].is_null() {
-                // Only brute force may need more memory than there is, and then that is said.
-                assert_eq!(method["method"], "fine", "{second:#}");
-                assert!(second["failed"].is_string(), "{second:#}");
-                continue;
-            }
             assert!(number(second, "/whole/anew_ms") > 0.0, "{second:#}");
             assert!(number(second, "/whole/drawing_ms") > 0.0, "{second:#}");
         }
@@ -482,13 +476,9 @@ fn the_bench_measures_every_second_of_its_sequence() {
     for (off, refined) in triangles[0].iter().zip(&triangles[2]) {
         assert!(off <= refined, "{triangles:?}");
     }
-    let compared = triangles[1].iter().zip(&triangles[2]);
-    let compared: Vec<_> = compared.filter(|(fine, _)| fine.is_some()).collect();
-    assert!(!compared.is_empty(), "{triangles:?}");
-    assert!(
-        compared.iter().all(|(fine, refined)| refined < fine),
-        "{triangles:?}"
-    );
+    for (fine, refined) in triangles[1].iter().zip(&triangles[2]) {
+        assert!(fine.is_some() && refined < fine, "{triangles:?}");
+    }
     let sums = report["sums"].as_array().unwrap();
     for sums in &sums[2..] {
         assert!(number(sums, "/triangles_ratio") <= 1.3, "{sums:#}");

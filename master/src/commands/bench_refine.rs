@@ -17,9 +17,7 @@ use crate::failure::Failure;
 use crate::{interrupt, output};
 
 pub(crate) use figures::Figures;
-use figures::{
-    ErrorPx, MethodFigures, SecondFigures, WholeFigures, needed, pass_table, shares, sums,
-};
+use figures::{ErrorPx, MethodFigures, SecondFigures, WholeFigures, pass_table, shares, sums};
 use sequence::{Sequence, Touches};
 pub(crate) use show::print;
 use stage::Stage;
@@ -165,11 +163,7 @@ struct Run<'s> {
 impl Run<'_> {
     fn show(&mut self, time_s: f64) -> Result<stage::Settled, Failure> {
         let scene = self.sequence.scene(self.method, time_s, self.touches);
-        let settled = self.stage.show(&scene, &self.sequence.pose(time_s))?;
-        Ok(stage::Settled {
-            passes: needed(&settled.passes, self.method),
-            ..settled
-        })
+        self.stage.show(&scene, &self.sequence.pose(time_s))
     }
 
     /// Draws the pictures of one second. Those that cannot be drawn are noted: brute force needs more memory than there

@@ -1,4 +1,5 @@
-//! From elevation to geometry: the heights of every leaf of a domain in their slots, with their error pyramids.
+//! From elevation to geometry: the heights of every leaf of a domain in their slots, with their error pyramids where
+//! meshes keep a bound.
 //! In: a selection, leaves, the elevation they show. Out: geometries, made where they are not there. Heights come from the
 //! processed and fused samples on the device, borders from the CPU, so that neighbours meet bit for bit. It marks nothing.
 
@@ -74,6 +75,7 @@ impl Gather<'_> {
             heights_content(scene, *leaf).hash(&mut hasher);
             plan.key().hash(&mut hasher);
             coarser.hash(&mut hasher);
+            scene.data.refine.is_bounded().hash(&mut hasher);
             for layer in &layers {
                 layer.levels.hash(&mut hasher);
             }
@@ -230,7 +232,7 @@ impl Gather<'_> {
         Ok(Some((geometry, waiting)))
     }
 
-    /// Brings heights into their slots and makes their error pyramids.
+    /// Brings heights into their slots, and makes their error pyramids where meshes are bounded by them.
     fn fill(&mut self, waiting: &[Waiting]) -> Result<(), RenderError> {
         // In any case: what is kept must be in the device's hands before what it was made of is lent again.
         self.processor.submit(self.gpu);
@@ -247,9 +249,13 @@ impl Gather<'_> {
                 units_per_m: scalar_f32(1.0 / leaf.unit_m),
             })
             .collect();
-        let made =
-            self.refiner
-                .make_geometry(self.gpu, &self.geometries.buffers, &jobs, self.times);
+        let made = self.refiner.make_geometry(
+            self.gpu,
+            &self.geometries.buffers,
+            &jobs,
+            self.scene.data.refine.is_bounded(),
+            self.times,
+        );
         if made.is_err() {
             for leaf in waiting {
                 self.geometries.forget(leaf.key);

@@ -73,7 +73,7 @@ impl Meshes {
     /// Room for meshes within `budget_bytes`, but for at least one leaf's whole lattice.
     pub(crate) fn new(gpu: &Gpu, budget_bytes: u64) -> Self {
         let per_vertex = VERTEX_BYTES + INDEX_BYTES * u64::from(INDICES_PER_VERTEX);
-        let limit = gpu.device.limits().max_storage_buffer_binding_size / VERTEX_BYTES;
+        let limit = gpu.device.limits().max_buffer_size / VERTEX_BYTES;
         let most = (budget_bytes / per_vertex).min(limit);
         let most_vertices = u32::try_from(most)
             .unwrap_or(u32::MAX)

@@ -108,15 +108,18 @@ impl Refiner {
         geometry.write_border(gpu, slot, border, anchors);
     }
 
-    /// Makes heights and error pyramids. Their borders must have been written. Submitted, not waited for.
+    /// Makes heights, and their error pyramids if asked, without which marks can only be given. Their borders must have
+    /// been written. Submitted, not waited for.
     pub(crate) fn make_geometry(
         &mut self,
         gpu: &Gpu,
         geometry: &GeometryBuffers,
         jobs: &[HeightsJob<'_>],
+        errors: bool,
         times: &mut Option<PassTimes>,
     ) -> Result<(), RenderError> {
-        self.fill.run(gpu, &self.pipelines, geometry, jobs, times)
+        self.fill
+            .run(gpu, &self.pipelines, geometry, jobs, errors, times)
     }
 
     /// Marks leaves and counts. `allowances` holds `terrain::ALLOWANCE_WORDS` words a leaf; marks that are given need

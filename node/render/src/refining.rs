@@ -109,7 +109,7 @@ impl Gather<'_> {
         refined: &mut Refined,
     ) -> Result<HashMap<Tile, Mesh>, RenderError> {
         let refine = self.scene.data.refine;
-        let bounded = matches!(refine, Refine::TopDown | Refine::BottomUp);
+        let bounded = refine.is_bounded();
         let tau_px = self.scene.data.tau_px;
         // What vertices themselves may be off comes on top, in whole steps too.
         let curved_px = self.curved_px(pixels_per_radian, visible, refined);
@@ -323,7 +323,7 @@ impl Gather<'_> {
         refined: &Refined,
     ) -> HashMap<Tile, (TableKey, Arc<Vec<u32>>)> {
         let mut tables = HashMap::with_capacity(refined.domain.len());
-        if matches!(self.scene.data.refine, Refine::Off | Refine::Fine) {
+        if !self.scene.data.refine.is_bounded() {
             return tables;
         }
         let ellipsoid = &self.scene.data.ellipsoid;

@@ -44,6 +44,14 @@ pub enum Refine {
     TopDown,
 }
 
+impl Refine {
+    /// Whether meshes keep a bound on their error.
+    #[must_use]
+    pub const fn is_bounded(self) -> bool {
+        matches!(self, Self::TopDown | Self::BottomUp)
+    }
+}
+
 /// What to draw.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SceneData {

@@ -84,8 +84,10 @@ pub struct Emission {
     pub triangles: u32,
     /// Entries of the whole list: the same in all meshes.
     pub entries: u32,
-    /// Unused.
-    pub padding: u32,
+    /// The vertex and the index at which what is bound of the two buffers begins: the same in all meshes.
+    pub window_vertex: u32,
+    /// See [`Emission::window_vertex`].
+    pub window_index: u32,
 }
 
 /// `LeafHeights` in refine/leaf_heights.wgsl.

@@ -133,7 +133,7 @@ fn main(
     let node = vec2<i32>(i32(entry.x & 511u), i32((entry.x >> 9u) & 511u));
     let geometry = emissions[mesh].geometry;
     let own = number - emissions[mesh].first_entry;
-    let target_word = (emissions[mesh].first_vertex + own) * VERTEX_WORDS;
+    let target_word = (emissions[mesh].first_vertex - emissions[mesh].window_vertex + own) * VERTEX_WORDS;
     if any(node == vec2<i32>(0)) | any(node == vec2<i32>(SIDE)) {
         copy_border(target_word, (geometry * BORDER_NODES + border_index(node)) * BORDER_WORDS);
     } else {
@@ -164,7 +164,7 @@ fn main(
         let child_1 = select(ps, qs, centre);
         let child_2 = select(qr, ps, centre);
         let child_3 = select(qs, qr, centre);
-        var index = emissions[mesh].first_index + 3u * (entry.y & 0xFFFFFFFu);
+        var index = emissions[mesh].first_index - emissions[mesh].window_index + 3u * (entry.y & 0xFFFFFFFu);
         if (drawn & 1u) != 0u { write_triangle(index, pr.x, pr.y, own); }
         index += select(0u, 3u, (drawn & 1u) != 0u);
         if (drawn & 2u) != 0u { write_triangle(index, child_1.x, child_1.y, own); }

@@ -18,5 +18,7 @@ struct Emission {
     triangles: u32,
     // Entries of the whole list.
     entries: u32,
-    padding: u32,
+    // Where what is bound of the two buffers begins: the same in all meshes.
+    window_vertex: u32,
+    window_index: u32,
 }

@@ -199,14 +199,6 @@ impl ErrorPx {
     }
 }
 
-/// The passes that a method cannot do without: only refinement to a bound reads the error pyramid, and brute force
-/// must not seem dearer for it.
-pub(super) fn needed(passes: &Passes, method: RefineMethod) -> Passes {
-    let passes = passes.0.iter();
-    let needed = passes.filter(|(label, ..)| method.is_bounded() || label != "error pyramid");
-    Passes(needed.cloned().collect())
-}
-
 /// Passes with their shares.
 pub(super) fn shares(passes: &Passes) -> Vec<PassFigures> {
     let total_ms = passes.sum_ms();

@@ -22,8 +22,7 @@ pub(crate) fn print(figures: &Figures) -> Result<(), Failure> {
     output::line(format!(
         "{width}×{height}, τ = {tau_px} px, {frames} pictures a second of the sequence, fewer of brute force; {adapter}\n\
          reused: creation and refinement with what earlier pictures left; anew: of every leaf; drawing: with meshes that \
-         are there; frame: until the picture has settled, loading and fusion included. Milliseconds a picture. The error \
-         pyramid counts only where it is read."
+         are there; frame: until the picture has settled, loading and fusion included. Milliseconds a picture."
     ))?;
     seconds(figures)?;
     passes(figures)?;

@@ -61,10 +61,11 @@ impl Fill {
         pipelines: &Pipelines,
         geometry: &GeometryBuffers,
         jobs: &[HeightsJob<'_>],
+        errors: bool,
         times: &mut Option<PassTimes>,
     ) -> Result<(), RenderError> {
         for jobs in jobs.chunks(MOST_GROUPS) {
-            self.run_some(gpu, pipelines, geometry, jobs, times)?;
+            self.run_some(gpu, pipelines, geometry, jobs, errors, times)?;
         }
         Ok(())
     }
@@ -75,6 +76,7 @@ impl Fill {
         pipelines: &Pipelines,
         geometry: &GeometryBuffers,
         jobs: &[HeightsJob<'_>],
+        errors: bool,
         times: &mut Option<PassTimes>,
     ) -> Result<(), RenderError> {
         if jobs.iter().any(|job| job.slot >= geometry.in_use()) {
@@ -120,7 +122,9 @@ impl Fill {
                 pass.dispatch_workgroups((terrain::LATTICE_NODES as u32).div_ceil(LANES), 1, 1);
             }
         })?;
-        self.pyramids(gpu, pipelines, geometry, jobs.len() as u32, &mut recorder)?;
+        if errors {
+            self.pyramids(gpu, pipelines, geometry, jobs.len() as u32, &mut recorder)?;
+        }
         recorder.finish()
     }
 

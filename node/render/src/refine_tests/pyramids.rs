@@ -71,7 +71,7 @@ fn heights_between_coarser_samples_equal_their_twin_and_holes_are_flat() {
                 units_per_m: uniform.units_per_m,
             };
             rig.refiner
-                .make_geometry(&rig.gpu, &rig.buffers, &[job], &mut None)
+                .make_geometry(&rig.gpu, &rig.buffers, &[job], true, &mut None)
                 .unwrap();
             let due = cpu::leaf_heights::run(&uniform, input.map(|_| &words[..]), &border);
             let found = rig.read(&rig.buffers.heights);
@@ -110,10 +110,10 @@ fn a_slot_that_is_not_there_is_refused() {
     };
     let refused = rig
         .refiner
-        .make_geometry(&rig.gpu, &rig.buffers, &[job], &mut None);
+        .make_geometry(&rig.gpu, &rig.buffers, &[job], true, &mut None);
     assert!(refused.unwrap_err().to_string().contains("slot"));
     let nothing = rig
         .refiner
-        .make_geometry(&rig.gpu, &rig.buffers, &[], &mut None);
+        .make_geometry(&rig.gpu, &rig.buffers, &[], true, &mut None);
     assert!(nothing.is_ok());
 }

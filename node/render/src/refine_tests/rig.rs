@@ -168,7 +168,7 @@ impl Rig {
             })
             .collect();
         self.refiner
-            .make_geometry(&self.gpu, &self.buffers, &jobs, &mut self.times)
+            .make_geometry(&self.gpu, &self.buffers, &jobs, true, &mut self.times)
             .unwrap();
         self.errors = grounds
             .iter()

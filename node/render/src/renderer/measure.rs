@@ -21,7 +21,6 @@ use crate::process::{Made, Plan, SLOT_SIDE};
 use crate::readback::{read_buffer, read_slot};
 use crate::refining::Refined;
 use crate::renderer::Renderer;
-use crate::scene::Refine;
 
 /// The error of a picture over every elevation sample of the leaves that are in view.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -107,9 +106,10 @@ impl Renderer {
         let mut total = Ok(0);
         for refined in &last.refined {
             let density = last.view.pixels_per_radian;
-            let tau_px = match scene.data.refine {
-                Refine::TopDown | Refine::BottomUp => last.statistics.achieved_tau_px,
-                Refine::Off | Refine::Fine => scene.data.tau_px,
+            let tau_px = if scene.data.refine.is_bounded() {
+                last.statistics.achieved_tau_px
+            } else {
+                scene.data.tau_px
             };
             let found = self.minimum_of(&scene, refined, density, tau_px);
             total = total.and_then(|sum| Ok(sum + found?));
