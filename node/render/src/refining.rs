@@ -18,7 +18,7 @@ use crate::gather::Gather;
 use crate::geometry::{Geometry, TableKey, table_key};
 use crate::meshes::{Mesh, MeshKey};
 use crate::process::Plan;
-use crate::ranges::FLAT_LEVEL;
+use crate::ranges::{CURVED_SHARE, FLAT_LEVEL, curved_m};
 use crate::refine::{MarkLimits, Marked, Method};
 use crate::scene::Refine;
 
@@ -26,11 +26,6 @@ use crate::scene::Refine;
 const ROOMY: (u64, u64) = (4, 5);
 /// Frames after which a finer τ is tried again that did not fit.
 const PATIENCE_FRAMES: u64 = 60;
-/// How far an inner vertex of a root may be off its place, as a share of the planet's radius: the remainder of the
-/// quadratics that places are computed by (measured: 4.4·10⁻⁵). With each level it is an eighth.
-const ROOT_OFF: f64 = 4.7e-5;
-/// The share of τ that this may come to without being told: distances are lower bounds, and mostly far too low.
-const CURVED_SHARE: f64 = 0.02;
 
 /// The leaves that a view refines, with what they are made of.
 #[derive(Debug)]
@@ -173,16 +168,11 @@ impl Gather<'_> {
         let ellipsoid = &self.scene.data.ellipsoid;
         let coarse = visible.iter().filter(|leaf| leaf.level() < FLAT_LEVEL);
         let off_px = |leaf: &Tile| {
-            let (lowest_m, highest_m) = refined
+            let range_m = refined
                 .geometry(*leaf)
                 .map_or((0.0, 0.0), |geometry| geometry.ground.range_m);
-            let range_m = (lowest_m, highest_m);
-            let beside_m = terrain::distance_m(ellipsoid, *leaf, range_m, refined.eye);
-            let below = ellipsoid.normal_below(refined.eye);
-            let height_m = (refined.eye - ellipsoid.point(below, 0.0)).dot(below);
-            let distance_m = beside_m.max(height_m - highest_m).max(1.0);
-            let off_m = ROOT_OFF * ellipsoid.semi_major_m / f64::from(1_u32 << (3 * leaf.level()));
-            pixels_per_radian * off_m / distance_m
+            let distance_m = terrain::least_distance_m(ellipsoid, *leaf, range_m, refined.eye);
+            pixels_per_radian * curved_m(ellipsoid, leaf.level()) / distance_m.max(1.0)
         };
         coarse.map(off_px).fold(0.0, f64::max)
     }

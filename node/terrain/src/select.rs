@@ -5,11 +5,12 @@
 use geodesy::{Direction, Ellipsoid, MAX_LEVEL, Tile, TileHull};
 use glam::DVec3;
 
+use crate::refine::least_distance_m;
 use crate::solid_angle::Criterion;
 use crate::tile_set::{TileSet, key};
 
-/// The solid angle beyond which a tile is close: its curve shows, even where its samples do not.
-const CLOSE_SR: f64 = 1.0;
+/// All directions: no tile covers more.
+const WHOLE_SKY_SR: f64 = 4.0 * std::f64::consts::PI;
 
 /// What the level of detail depends on.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -72,11 +73,10 @@ pub trait HeightRanges {
         }
     }
 
-    /// The level from which on tiles are flat enough to be looked at from anywhere. Coarser ones are divided where they
-    /// cover more than one steradian, whether or not that shows anything else. Bound by the same rule: the same answer
-    /// on every node.
-    fn flat_level(&self) -> u8 {
-        0
+    /// How near, in metres, an eye of so many pixels per radian may come to `tile` before it is divided whether or not
+    /// that shows anything else: its own curve would show. Bound by the same rule: the same answer on every node.
+    fn nearest_m(&self, _tile: Tile, _pixels_per_radian: f64) -> f64 {
+        0.0
     }
 
     /// Whether the children of `tile` could show anything that it cannot: finer data, or data that its
@@ -114,7 +114,8 @@ pub struct Selection {
 }
 
 /// Selects the leaves for a view. The result is the smallest restricted quadtree in which no leaf
-/// above `deepest_level` that is worth dividing, or is curved and close, covers more than `tile_px`² pixels; it does not depend on the order of work.
+/// above `deepest_level` that is worth dividing covers more than `tile_px`² pixels, and none is nearer than
+/// [`HeightRanges::nearest_m`]; it does not depend on the order of work.
 ///
 /// A tile's pixels are the solid angle of the convex hull of [`TileHull::corners`] times
 /// `pixels_per_radian`², with the heights of [`HeightRanges::relief`]. If there are more than `most_tiles` leaves, `tile_px` grows by factors of √2;
@@ -134,26 +135,28 @@ pub fn select(
     };
     let below = ellipsoid.normal_below(view.eye);
     let eye_height_m = (view.eye - ellipsoid.point(below, 0.0)).dot(below);
-    let close = Criterion::new(view.eye, CLOSE_SR);
     let mut tile_px = limits.tile_px;
     loop {
         let radians = tile_px / view.pixels_per_radian;
-        let criterion = Criterion::new(
-            view.eye,
-            if sane {
-                radians * radians
-            } else {
-                f64::INFINITY
-            },
-        );
+        let steradians = if sane {
+            radians * radians
+        } else {
+            f64::INFINITY
+        };
+        let criterion = Criterion::new(view.eye, steradians);
         let wanted = |tile: Tile| {
-            let worth = ranges.is_worth_dividing(tile);
-            if !worth && tile.level() >= ranges.flat_level() {
+            let nearest_m = ranges.nearest_m(tile, view.pixels_per_radian);
+            if nearest_m > 0.0
+                && steradians < WHOLE_SKY_SR
+                && least_distance_m(ellipsoid, tile, ranges.range_m(tile), view.eye) < nearest_m
+            {
+                return true;
+            }
+            if !ranges.is_worth_dividing(tile) {
                 return false;
             }
             let (lowest_m, highest_m) = slab(tile, ranges.relief(tile), eye_height_m);
-            let corners = TileHull::new(ellipsoid, tile, lowest_m, highest_m).corners;
-            criterion.exceeded_by(&corners) && (worth || close.exceeded_by(&corners))
+            criterion.exceeded_by(&TileHull::new(ellipsoid, tile, lowest_m, highest_m).corners)
         };
         // Grows without end only until the threshold passes 4π, which nothing exceeds.
         if let Some(selection) = Selection::grow(limits.deepest_level, most_tiles, tile_px, &wanted)

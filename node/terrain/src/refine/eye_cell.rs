@@ -88,6 +88,15 @@ pub fn distance_m(ellipsoid: &Ellipsoid, tile: Tile, range_m: (f64, f64), eye: D
     to_ball.max(to_box)
 }
 
+/// As [`distance_m`], but for a leaf under the eye at least how far the eye is above its highest place. Beyond the
+/// horizon of a large leaf that says more than its box does.
+#[must_use]
+pub fn least_distance_m(ellipsoid: &Ellipsoid, tile: Tile, range_m: (f64, f64), eye: DVec3) -> f64 {
+    let below = ellipsoid.normal_below(eye);
+    let height_m = (eye - ellipsoid.point(below, 0.0)).dot(below);
+    distance_m(ellipsoid, tile, range_m, eye).max(height_m - range_m.1)
+}
+
 /// The largest power of two that is not above a positive number; 0 for anything below the normal numbers.
 fn power_of_two_below(number: f64) -> f64 {
     if number >= f64::MIN_POSITIVE {

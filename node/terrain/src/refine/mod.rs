@@ -30,7 +30,7 @@ pub use bottom_up::bottom_up;
 pub use code::{code_down, code_up, decode};
 pub use count::{LeafCount, PrefixSums, count, prefix_sums};
 pub use emit::emit;
-pub use eye_cell::{EyeCell, distance_m, eye_cell};
+pub use eye_cell::{EyeCell, distance_m, eye_cell, least_distance_m};
 pub use geometry_error::TileGeometryError;
 pub use links::{Domain, Link, LinkKind, NOT_AT_HAND, RefinedLeaf, ring};
 pub use marks::{DEEPEST_MARK, LATTICE_NODES, MARK_WORDS, Marks, Pair, pair};
