@@ -4,10 +4,12 @@
 use bytemuck::{Pod, Zeroable};
 
 mod fuse;
+mod output;
 mod process;
 mod refine;
 
 pub use fuse::{Blend, FuseInput, FuseUniform, LensUniform, SurfaceUniform};
+pub use output::{FinishUniform, LitUniform, StereoUniform, WarpUniform};
 pub use process::{
     AspectUniform, ElevationUniform, HillshadeUniform, ImageryUniform, IsolinesUniform,
     RampUniform, ReliefUniform, ResampleUniform, SampleForm, SarUniform, SlopeUniform,

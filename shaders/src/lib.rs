@@ -11,11 +11,11 @@ mod stage;
 pub mod cpu;
 
 pub use layout::{
-    AspectUniform, Blend, ElevationUniform, Emission, EmitLeaf, FrameUniform, FuseInput,
-    FuseUniform, HillshadeUniform, INVALID_WORD, ImageryUniform, IsolinesUniform, LAYER_SIDE,
-    LeafHeightsUniform, LensUniform, RampUniform, RefineLeaf, RefineLevelUniform, ReliefUniform,
-    ResampleUniform, SLOT_SIDE, SampleForm, SarUniform, SlopeUniform, SurfaceUniform, TileGeometry,
-    TileRecord, raw_colour,
+    AspectUniform, Blend, ElevationUniform, Emission, EmitLeaf, FinishUniform, FrameUniform,
+    FuseInput, FuseUniform, HillshadeUniform, INVALID_WORD, ImageryUniform, IsolinesUniform,
+    LAYER_SIDE, LeafHeightsUniform, LensUniform, LitUniform, RampUniform, RefineLeaf,
+    RefineLevelUniform, ReliefUniform, ResampleUniform, SLOT_SIDE, SampleForm, SarUniform,
+    SlopeUniform, StereoUniform, SurfaceUniform, TileGeometry, TileRecord, WarpUniform, raw_colour,
 };
 pub use refine_stage::RefineStage;
 pub use resolve::ResolveError;

@@ -20,7 +20,7 @@ pub enum ResolveError {
     },
 }
 
-const SHARED: [(&str, &str); 16] = [
+const SHARED: [(&str, &str); 17] = [
     ("allowance", include_str!("../wgsl/shared/allowance.wgsl")),
     ("amplitude", include_str!("../wgsl/shared/amplitude.wgsl")),
     ("colour", include_str!("../wgsl/shared/colour.wgsl")),
@@ -34,6 +34,7 @@ const SHARED: [(&str, &str); 16] = [
     ),
     ("frame", include_str!("../wgsl/shared/frame.wgsl")),
     ("fusion", include_str!("../wgsl/shared/fusion.wgsl")),
+    ("light", include_str!("../wgsl/shared/light.wgsl")),
     ("links", include_str!("../wgsl/shared/links.wgsl")),
     ("marks", include_str!("../wgsl/shared/marks.wgsl")),
     ("slot", include_str!("../wgsl/shared/slot.wgsl")),

@@ -49,13 +49,19 @@ pub enum Stage {
     Wireframe,
     /// Draw: the rim of air and the sky.
     Atmosphere,
+    /// Draw: a picture on a plane onto a curved screen.
+    Warp,
+    /// Draw: a channel's light, blended.
+    Light,
+    /// Draw: the pictures of both eyes into one.
+    Stereo,
     /// Draw: a finished picture into a window.
     Copy,
 }
 
 impl Stage {
     /// Every stage; the compute stages in the order in which a tile meets them.
-    pub const ALL: [Self; 20] = [
+    pub const ALL: [Self; 23] = [
         Self::Resample,
         Self::Elevation,
         Self::Imagery,
@@ -75,6 +81,9 @@ impl Stage {
         Self::Terrain,
         Self::Wireframe,
         Self::Atmosphere,
+        Self::Warp,
+        Self::Light,
+        Self::Stereo,
         Self::Copy,
     ];
 
@@ -101,6 +110,9 @@ impl Stage {
             Self::Terrain => "draw/terrain",
             Self::Wireframe => "draw/wireframe",
             Self::Atmosphere => "draw/atmosphere",
+            Self::Warp => "output/warp",
+            Self::Light => "output/light",
+            Self::Stereo => "output/stereo",
             Self::Copy => "output/copy",
         }
     }
@@ -115,7 +127,13 @@ impl Stage {
     #[must_use]
     pub const fn inputs(self) -> usize {
         match self {
-            Self::Terrain | Self::Wireframe | Self::Atmosphere | Self::Copy => 0,
+            Self::Terrain
+            | Self::Wireframe
+            | Self::Atmosphere
+            | Self::Warp
+            | Self::Light
+            | Self::Stereo
+            | Self::Copy => 0,
             Self::Lens => 2,
             Self::FuseElevation | Self::FuseColour => 8,
             _ => 1,
@@ -148,6 +166,9 @@ impl Stage {
             Self::Terrain => include_str!("../wgsl/draw/terrain.wgsl"),
             Self::Wireframe => include_str!("../wgsl/draw/wireframe.wgsl"),
             Self::Atmosphere => include_str!("../wgsl/draw/atmosphere.wgsl"),
+            Self::Warp => include_str!("../wgsl/output/warp.wgsl"),
+            Self::Light => include_str!("../wgsl/output/light.wgsl"),
+            Self::Stereo => include_str!("../wgsl/output/stereo.wgsl"),
             Self::Copy => include_str!("../wgsl/output/copy.wgsl"),
         }
     }

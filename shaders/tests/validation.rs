@@ -8,9 +8,10 @@ use std::path::Path;
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 use naga::{AddressSpace, ImageClass, Module, ScalarKind, StorageFormat, TypeInner};
 use shaders::{
-    AspectUniform, ElevationUniform, FrameUniform, FuseInput, FuseUniform, HillshadeUniform,
-    ImageryUniform, IsolinesUniform, LensUniform, RampUniform, RefineStage, ReliefUniform,
-    ResampleUniform, SarUniform, SlopeUniform, Stage, SurfaceUniform, TileGeometry, TileRecord,
+    AspectUniform, ElevationUniform, FinishUniform, FrameUniform, FuseInput, FuseUniform,
+    HillshadeUniform, ImageryUniform, IsolinesUniform, LensUniform, LitUniform, RampUniform,
+    RefineStage, ReliefUniform, ResampleUniform, SarUniform, SlopeUniform, Stage, StereoUniform,
+    SurfaceUniform, TileGeometry, TileRecord, WarpUniform,
 };
 
 #[test]
@@ -114,6 +115,12 @@ fn layout_of(stage: Stage, name: &str) -> Layout {
             sky_viewer, sky_ray, sky_ray_x, sky_ray_y)
         }
         "TileRecord" => layout!(TileRecord: imagery, relief, face),
+        "Finish" => layout!(FinishUniform: place, gamma, has_light, dark, bright),
+        "Warp" => {
+            layout!(WarpUniform: finish, eye, across, down, ahead, picture_size, texture_size)
+        }
+        "Lit" => layout!(LitUniform: finish, to_picture),
+        "Stereo" => layout!(StereoUniform: mode, swapped, size, left),
         other => panic!(
             "{}: struct {other} has no layout in this test",
             stage.name()
@@ -163,8 +170,9 @@ fn structs_lie_in_memory_as_the_cpu_writes_them() {
             }
         }
     }
-    // Sixteen compute stages have one each; terrain has two, the wireframe and the atmosphere one.
-    assert_eq!(compared, 20);
+    // Sixteen compute stages have one each; terrain has two, the wireframe, the atmosphere and three that finish
+    // outputs one.
+    assert_eq!(compared, 23);
 }
 
 #[test]
@@ -183,6 +191,9 @@ fn uniforms_are_whole_vectors() {
         size_of::<LensUniform>(),
         size_of::<ReliefUniform>(),
         size_of::<SurfaceUniform>(),
+        size_of::<WarpUniform>(),
+        size_of::<LitUniform>(),
+        size_of::<StereoUniform>(),
     ] {
         assert_eq!(size % 16, 0);
     }

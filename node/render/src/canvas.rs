@@ -108,6 +108,19 @@ impl PlanarScreen {
         blocks
     }
 
+    /// All of the canvas as one block, for a picture that is sampled: it has no seams inside.
+    #[must_use]
+    pub(crate) fn whole(&self, room: DMat3) -> Option<Block> {
+        let [width, height] = self.size_px;
+        let whole = PixelRect {
+            x: 0,
+            y: 0,
+            width,
+            height,
+        };
+        (width > 0 && height > 0).then(|| self.block(whole, whole, room))
+    }
+
     fn block(&self, area: PixelRect, part: PixelRect, room: DMat3) -> Block {
         // Axes of the screen in ECEF: right, up, and out of the screen towards the viewer.
         let right = room * self.right;
@@ -173,28 +186,6 @@ impl Block {
         };
         outside > 0.0 && self.corner_directions.iter().all(meets)
     }
-}
-
-/// Where one wanted rectangle of a canvas goes in an output.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ChannelPlan {
-    /// Index of the screen.
-    pub screen: usize,
-    /// The wanted part of the canvas.
-    pub canvas_px: PixelRect,
-    /// Its top left corner in the output.
-    pub output_px: [u32; 2],
-}
-
-/// One output: a window or a headless picture.
-#[derive(Clone, Debug, PartialEq)]
-pub struct OutputPlan {
-    /// Its name, for captures and errors.
-    pub name: String,
-    /// Width and height in pixels.
-    pub size_px: [u32; 2],
-    /// What it shows.
-    pub channels: Vec<ChannelPlan>,
 }
 
 /// Scales a direction into the space where the ellipsoid is the unit sphere.

@@ -83,6 +83,24 @@ pub enum RenderError {
     /// An option of the scene that the mesh does not allow.
     #[error("mesh: {0}")]
     Mesh(String),
+    /// A channel's map is not of its size: a defect of the program.
+    #[error(
+        "output \"{output}\": a map of {what} does not have as many values as the channel has pixels"
+    )]
+    Map {
+        /// The output's name.
+        output: String,
+        /// What it maps to.
+        what: String,
+    },
+    /// Outputs cannot change their size while they are shown.
+    #[error(
+        "output \"{output}\" has another size or shows other eyes than before: restart the wall for that"
+    )]
+    OtherOutputs {
+        /// The output's name.
+        output: String,
+    },
     /// A finished picture could not be read back.
     #[error("output \"{output}\" could not be read back: {reason}")]
     Readback {

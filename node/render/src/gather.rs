@@ -101,27 +101,27 @@ impl Gather<'_> {
         view: &ViewPoint,
         blocks: &[PlannedBlock],
     ) -> Result<(Vec<BlockDraws>, Vec<TileRecord>), RenderError> {
-        let screens = (0..view.eyes.len())
-            .filter(|screen| blocks.iter().any(|planned| planned.screen == *screen))
+        let eyes = (0..view.eyes.len())
+            .filter(|eye| blocks.iter().any(|planned| planned.eye == *eye))
             .count();
-        let screens = screens.max(1);
+        let eyes = eyes.max(1);
         let most_visible = Most {
             // Half, so that the geometries of two scenes fit.
-            leaves: self.geometries.capacity() / 2 / screens,
-            tiles: self.textures.most_tiles() / screens,
+            leaves: self.geometries.capacity() / 2 / eyes,
+            tiles: self.textures.most_tiles() / eyes,
         };
-        let mut sights = Vec::with_capacity(screens);
+        let mut sights = Vec::with_capacity(eyes);
         let mut tiles = 0;
-        for (screen, eye) in view.eyes.iter().enumerate() {
-            let of_screen: Vec<usize> = (0..blocks.len())
-                .filter(|index| blocks[*index].screen == screen)
+        for (index, eye) in view.eyes.iter().enumerate() {
+            let of_eye: Vec<usize> = (0..blocks.len())
+                .filter(|block| blocks[*block].eye == index)
                 .collect();
-            if of_screen.is_empty() {
+            if of_eye.is_empty() {
                 continue;
             }
             let density = view.pixels_per_radian;
             let deepest = self.scene.data.deepest_level;
-            let sight = self.see(*eye, density, &of_screen, blocks, most_visible, deepest);
+            let sight = self.see(*eye, density, &of_eye, blocks, most_visible, deepest);
             let selection = &sight.selection;
             self.statistics.selected_tiles += selection.leaves().len() as u32;
             self.statistics.achieved_tile_px = self
@@ -129,7 +129,7 @@ impl Gather<'_> {
                 .achieved_tile_px
                 .max(selection.achieved_tile_px());
             tiles += self.distinct_tiles(&sight.visible);
-            sights.push((*eye, of_screen, sight));
+            sights.push((*eye, of_eye, sight));
         }
         // Beside what is drawn, some of what was: a viewer comes back, and ancestors stand in.
         let room = tiles * if self.shares { 5 } else { 3 } / 2 + 32;
@@ -142,13 +142,13 @@ impl Gather<'_> {
                 patches: Vec::new(),
             })
             .collect();
-        for (eye, of_screen, mut sight) in sights {
+        for (eye, of_eye, mut sight) in sights {
             if self.first && self.is_far(eye) && self.waits(eye, &sight)? {
                 // Until the data is there the roots stand for it: meshes of what stands in would be made for nothing.
                 sight = self.see(
                     eye,
                     view.pixels_per_radian,
-                    &of_screen,
+                    &of_eye,
                     blocks,
                     most_visible,
                     0,
@@ -161,7 +161,7 @@ impl Gather<'_> {
                 &sight.visible,
                 &mut records,
             )?;
-            for (index, tiles) in of_screen.iter().zip(sight.visible_in) {
+            for (index, tiles) in of_eye.iter().zip(sight.visible_in) {
                 for tile in tiles {
                     if let Some(draw) = surfaces.get(&tile) {
                         draws[*index].patches.push(*draw);
@@ -194,7 +194,7 @@ impl Gather<'_> {
         &self,
         eye: DVec3,
         pixels_per_radian: f64,
-        of_screen: &[usize],
+        of_eye: &[usize],
         blocks: &[PlannedBlock],
         most_visible: Most,
         deepest_level: u8,
@@ -213,7 +213,7 @@ impl Gather<'_> {
                 pixels_per_radian,
             };
             let selection = terrain::select(ellipsoid, &lod, &limits, &ranges);
-            let visible_in: Vec<Vec<Tile>> = of_screen
+            let visible_in: Vec<Vec<Tile>> = of_eye
                 .iter()
                 .map(|index| {
                     let frustum =

@@ -42,6 +42,14 @@ pub enum GpuError {
         /// The adapters that exist.
         known: String,
     },
+    /// An adapter was asked for by number and is not there.
+    #[error("no graphics adapter {number}: this machine has {known}")]
+    UnknownNumber {
+        /// The number, from 0.
+        number: u32,
+        /// The adapters that exist.
+        known: String,
+    },
     /// The adapter cannot do what the renderer needs.
     #[error("graphics adapter \"{adapter}\" cannot be used: {reason}")]
     Unusable {
@@ -50,6 +58,25 @@ pub enum GpuError {
         /// What the driver said.
         reason: String,
     },
+}
+
+/// All adapters: fastest kinds first, and within a kind in the driver's order.
+fn adapters(instance: &wgpu::Instance) -> Vec<wgpu::Adapter> {
+    let mut adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::VULKAN));
+    adapters.sort_by_key(|adapter| match adapter.get_info().device_type {
+        wgpu::DeviceType::DiscreteGpu => 0,
+        wgpu::DeviceType::IntegratedGpu => 1,
+        wgpu::DeviceType::VirtualGpu => 2,
+        wgpu::DeviceType::Other => 3,
+        wgpu::DeviceType::Cpu => 4,
+    });
+    adapters
+}
+
+fn names(adapters: &[wgpu::Adapter]) -> String {
+    let names = adapters.iter().enumerate();
+    let names = names.map(|(number, adapter)| format!("{number}: \"{}\"", adapter.get_info().name));
+    names.collect::<Vec<_>>().join(", ")
 }
 
 impl Gpu {
@@ -84,18 +111,8 @@ impl Gpu {
             descriptor.flags -= wgpu::InstanceFlags::VALIDATION_INDIRECT_CALL;
         }
         let instance = wgpu::Instance::new(descriptor);
-        let mut adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::VULKAN));
-        adapters.sort_by_key(|adapter| match adapter.get_info().device_type {
-            wgpu::DeviceType::DiscreteGpu => 0,
-            wgpu::DeviceType::IntegratedGpu => 1,
-            wgpu::DeviceType::VirtualGpu => 2,
-            wgpu::DeviceType::Other => 3,
-            wgpu::DeviceType::Cpu => 4,
-        });
-        let known: Vec<String> = adapters
-            .iter()
-            .map(|adapter| format!("\"{}\"", adapter.get_info().name))
-            .collect();
+        let adapters = adapters(&instance);
+        let known = names(&adapters);
         if adapters.is_empty() {
             return Err(GpuError::NoAdapter);
         }
@@ -105,9 +122,26 @@ impl Gpu {
         let Some(adapter) = chosen else {
             return Err(GpuError::UnknownAdapter {
                 wanted: wanted.unwrap_or_default().to_owned(),
-                known: known.join(", "),
+                known,
             });
         };
+        Self::on(instance, adapter)
+    }
+
+    /// Opens another adapter of this machine by its number, from 0: fastest kinds first, and within a kind in the
+    /// driver's order. It can show windows where this one can.
+    pub fn open_number(&self, number: u32) -> Result<Self, GpuError> {
+        let mut adapters = adapters(&self.instance);
+        if number as usize >= adapters.len() {
+            return Err(GpuError::UnknownNumber {
+                number,
+                known: names(&adapters),
+            });
+        }
+        Self::on(self.instance.clone(), adapters.swap_remove(number as usize))
+    }
+
+    fn on(instance: wgpu::Instance, adapter: wgpu::Adapter) -> Result<Self, GpuError> {
         let name = adapter.get_info().name;
         let available = adapter.limits();
         let limits = wgpu::Limits {
@@ -147,6 +181,12 @@ impl Gpu {
         } else {
             format!("{} ({})", info.name, info.driver_info)
         }
+    }
+
+    /// The largest side of a picture in pixels.
+    #[must_use]
+    pub fn largest_side_px(&self) -> u32 {
+        self.device.limits().max_texture_dimension_2d
     }
 
     /// True for a driver that computes on the CPU.

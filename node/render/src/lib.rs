@@ -6,6 +6,7 @@
 mod canvas;
 mod elevation;
 mod error;
+mod finish;
 mod gather;
 mod geometry;
 mod gpu;
@@ -16,6 +17,7 @@ mod layers;
 mod leaf_geometry;
 mod loaded;
 mod meshes;
+mod outputs;
 mod pipelines;
 mod pool;
 mod process;
@@ -25,6 +27,7 @@ mod refine;
 mod refining;
 mod renderer;
 mod scene;
+mod scratch;
 mod show;
 mod source;
 mod spans;
@@ -39,6 +42,8 @@ mod device_tests;
 #[cfg(test)]
 mod error_tests;
 #[cfg(test)]
+mod finish_tests;
+#[cfg(test)]
 mod picture_tests;
 #[cfg(test)]
 mod process_tests;
@@ -47,15 +52,20 @@ mod stage_tests;
 #[cfg(test)]
 mod test_planet;
 
-pub use canvas::{BLOCK_PX, ChannelPlan, OutputPlan, PixelRect, PlanarScreen};
+pub use canvas::{BLOCK_PX, PixelRect, PlanarScreen};
 pub use error::RenderError;
 pub use gpu::{Gpu, GpuError};
 pub use layer::{
     Aspect, Blend, Elevation, Fusion, Hillshade, Imagery, Isolines, LayerData, LayerParameters,
     LensData, Process, Ramp, RampStop, Sar, SarMapping, Slope,
 };
+pub use outputs::{
+    ChannelPlan, ChannelSource, LightMap, OutputPlan, StereoMode, StereoPlan, Uplift, WarpMap,
+    WarpPart,
+};
 pub use renderer::{
-    AheadStatistics, ErrorMeasure, FrameStatistics, PassTime, RenderBudget, Renderer, ViewPoint,
+    AheadStatistics, ErrorMeasure, EyeView, FrameStatistics, PassTime, RenderBudget, Renderer,
+    ViewPoint,
 };
 pub use scene::{Air, Light, Refine, SceneData, sun_over};
 pub use target::Picture;

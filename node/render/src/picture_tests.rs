@@ -4,9 +4,12 @@
 
 use glam::DVec3;
 
-use crate::canvas::{ChannelPlan, OutputPlan, PixelRect};
-use crate::renderer::ViewPoint;
-use crate::test_planet::{CANVAS, Planet, output, picture, settle, view, views};
+use crate::canvas::PixelRect;
+use crate::outputs::OutputPlan;
+use crate::renderer::{EyeView, ViewPoint};
+use crate::test_planet::{
+    CANVAS, Planet, channel, empty_output, output, picture, settle, view, views,
+};
 
 #[test]
 fn tiled_pictures_equal_the_single_one_bit_for_bit() {
@@ -77,20 +80,8 @@ fn a_node_with_several_channels_composes_them() {
         height: 180,
     };
     let two = OutputPlan {
-        name: "two".to_owned(),
-        size_px: [200, 180],
-        channels: vec![
-            ChannelPlan {
-                screen: 0,
-                canvas_px: right,
-                output_px: [0, 0],
-            },
-            ChannelPlan {
-                screen: 0,
-                canvas_px: left,
-                output_px: [100, 0],
-            },
-        ],
+        channels: vec![channel(0, right, [0, 0]), channel(0, left, [100, 0])],
+        ..empty_output("two", [200, 180])
     };
     let mut swapped = planet.renderer(&[two], 512 << 20);
     let view = &views()[0];
@@ -115,21 +106,22 @@ fn two_eyes_share_tiles_without_sharing_seams() {
         width,
         height,
     };
-    let channel = |screen: usize| ChannelPlan {
-        screen,
-        canvas_px: rect,
-        output_px: [0, screen as u32 * height],
-    };
+    let below = |view: usize| channel(view, rect, [0, view as u32 * height]);
     let both = OutputPlan {
-        name: "both".to_owned(),
-        size_px: [width, 2 * height],
-        channels: vec![channel(0), channel(1)],
+        channels: vec![below(0), below(1)],
+        ..empty_output("both", [width, 2 * height])
     };
     // The same place from near and far: the same tiles beside neighbours of other levels.
     let (far, near) = (view(46.0, 46.0, 3e6, -60.0), view(46.0, 46.0, 9e5, -60.0));
     let pair = ViewPoint {
         eyes: vec![far.eyes[0], near.eyes[0]],
-        screens: vec![far.screens[0], near.screens[0]],
+        views: vec![
+            far.views[0],
+            EyeView {
+                eye: 1,
+                ..near.views[0]
+            },
+        ],
         ..far.clone()
     };
     let mut together = planet.renderer(&[both], 2048 << 20);

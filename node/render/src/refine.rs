@@ -23,7 +23,6 @@ mod buffers;
 mod fill;
 mod marking;
 mod pipelines;
-mod scratch;
 mod times;
 mod writing;
 

@@ -7,6 +7,7 @@
 mod ahead;
 mod blocks;
 mod measure;
+mod shown;
 mod view;
 
 use std::collections::{HashMap, HashSet};
@@ -19,13 +20,14 @@ use glam::DVec3;
 use shaders::{FrameUniform, TileRecord};
 use tiles::{DatasetId, TileCache, Wish};
 
-use crate::canvas::OutputPlan;
 use crate::error::RenderError;
+use crate::finish::Finisher;
 use crate::gather::{BlockDraws, Gather};
 use crate::geometry::Geometries;
 use crate::gpu::Gpu;
 use crate::loaded::LoadedScene;
 use crate::meshes::{ARGUMENT_WORDS, Meshes};
+use crate::outputs::OutputPlan;
 use crate::pipelines::Pipelines;
 use crate::process::Processor;
 use crate::refine::{PassTimes, Refiner};
@@ -34,12 +36,12 @@ use crate::source::Source;
 use crate::target::{BlockTarget, OutputTarget, Picture};
 use crate::textures::SurfaceTextures;
 use crate::uniform::frame_uniform;
-use blocks::{block_layouts, copy_block, filled_blocks, plan_blocks};
+use blocks::{block_layouts, copy_block, dark_pictures, filled_blocks, plan_blocks};
 
 pub use ahead::AheadStatistics;
 pub(crate) use blocks::PlannedBlock;
 pub use measure::{ErrorMeasure, PassTime};
-pub use view::{FrameStatistics, RenderBudget, ViewPoint};
+pub use view::{EyeView, FrameStatistics, RenderBudget, ViewPoint};
 
 /// The longest that processing for the shown scene may hold up one frame.
 const LONGEST_PROCESSING: Duration = Duration::from_millis(50);
@@ -65,6 +67,7 @@ pub struct Renderer {
     textures: SurfaceTextures,
     processor: Processor,
     pipelines: Pipelines,
+    finisher: Finisher,
     geometries: Geometries,
     refiner: Refiner,
     meshes: Meshes,
@@ -91,8 +94,10 @@ pub struct Renderer {
     /// When the first was begun.
     begun: Option<Instant>,
     frame: u64,
-    /// The light has changed since the last picture.
+    /// The light has changed since the last picture, or what outputs are.
     relit: bool,
+    /// Pictures that outputs show instead of the scene.
+    instead: HashMap<usize, Picture>,
     used: HashSet<u64>,
     new_tiles: Vec<u64>,
     last: Option<LastFrame>,
@@ -158,6 +163,7 @@ impl Renderer {
         let meshes = Meshes::new(&gpu, budget.gpu_bytes / 8);
         let refiner = Refiner::new(&gpu);
         let pipelines = Pipelines::new(&gpu, &textures)?;
+        let finisher = Finisher::new(&gpu, outputs)?;
         let outputs = outputs
             .iter()
             .map(|plan| Ok((plan.clone(), OutputTarget::new(&gpu, plan)?, None)))
@@ -170,6 +176,7 @@ impl Renderer {
             textures,
             processor,
             pipelines,
+            finisher,
             geometries,
             refiner,
             meshes,
@@ -187,6 +194,7 @@ impl Renderer {
             begun: None,
             frame: 0,
             relit: false,
+            instead: HashMap::new(),
             used: HashSet::new(),
             new_tiles: Vec::new(),
             last: None,
@@ -294,13 +302,19 @@ impl Renderer {
         if !unchanged {
             let frames: Vec<FrameUniform> = blocks
                 .iter()
-                .map(|planned| frame_uniform(&scene.data, view, planned.screen, &planned.block))
+                .map(|planned| frame_uniform(&scene.data, view, planned.eye, &planned.block))
                 .collect();
             self.pipelines
                 .write(&self.gpu, &self.textures, &frames, &gathered.records);
             let filled = filled_blocks(scene, view, &blocks);
             let begin = Instant::now();
-            self.render(&blocks, &gathered.draws, &filled, scene.data.wireframe)?;
+            self.render(
+                view,
+                &blocks,
+                &gathered.draws,
+                &filled,
+                scene.data.wireframe,
+            )?;
             self.draw_time = begin.elapsed();
         }
         gathered.statistics.redrawn = !unchanged;
@@ -404,6 +418,7 @@ impl Renderer {
 
     fn render(
         &mut self,
+        view: &ViewPoint,
         blocks: &[PlannedBlock],
         draws: &[BlockDraws],
         filled: &[bool],
@@ -419,21 +434,37 @@ impl Renderer {
             .device
             .create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         let layouts = block_layouts(&self.outputs, blocks);
+        for ((_, _, scratch), layout) in self.outputs.iter_mut().zip(&layouts) {
+            // A tracked head can lose or find a screen, and with it the blocks of an output.
+            if layout.size == [0, 0] || scratch.as_ref().is_some_and(|block| block.suits(*layout)) {
+                continue;
+            }
+            *scratch = Some(BlockTarget::new(&self.gpu, *layout));
+        }
+        let outputs = &self.outputs;
+        let size_of_scratch = |output: usize| {
+            let scratch = outputs
+                .get(output)
+                .and_then(|(_, _, scratch)| scratch.as_ref());
+            scratch.map_or([1, 1], |scratch| scratch.layout.size)
+        };
+        let plans: Vec<&OutputPlan> = outputs.iter().map(|(plan, _, _)| plan).collect();
+        self.finisher
+            .prepare(&self.gpu, &plans, view, blocks, &size_of_scratch);
+        for (output, picture) in dark_pictures(outputs, blocks) {
+            if let Some((_, target, _)) = outputs.get(output) {
+                clear(&mut encoder, target.picture(picture));
+            }
+        }
         for (index, (planned, draws)) in blocks.iter().zip(draws).enumerate() {
             let block = &planned.block;
-            let Some((plan, target, scratch)) = self.outputs.get_mut(planned.output) else {
+            let Some((plan, target, Some(scratch))) = outputs.get(planned.output) else {
                 continue;
             };
-            let layout = layouts[planned.output];
-            // A tracked head can lose or find a screen, and with it the blocks of an output.
-            if scratch.as_ref().is_some_and(|block| block.layout != layout) {
-                *scratch = None;
-            }
-            let scratch = scratch.get_or_insert_with(|| BlockTarget::new(&self.gpu, layout));
             let colour = scratch
                 .colour
                 .as_ref()
-                .map_or(&target.view, |(_, view)| view);
+                .map_or(&target.view, |drawn| &drawn.view);
             let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
                 label: Some("block"),
                 color_attachments: &[Some(wgpu::RenderPassColorAttachment {
@@ -489,13 +520,32 @@ impl Renderer {
                 pass.draw(0..3, 0..1);
             }
             drop(pass);
-            if let Some((texture, _)) = &scratch.colour
+            if let Some(drawn) = &scratch.colour
                 && let Some(channel) = plan.channels.get(planned.channel)
             {
-                copy_block(&mut encoder, texture, target, channel, block);
+                if channel.is_plain(plan) {
+                    let texture = target.picture_texture(channel.picture);
+                    copy_block(&mut encoder, &drawn.texture, texture, channel, planned);
+                } else {
+                    let (block, channel) = ((index, planned), (channel, view));
+                    self.finisher.finish_block(
+                        &self.gpu,
+                        &mut encoder,
+                        block,
+                        channel,
+                        drawn,
+                        target,
+                    )?;
+                }
             }
         }
+        for (index, (plan, target, _)) in outputs.iter().enumerate() {
+            self.finisher
+                .finish_output(&self.gpu, &mut encoder, index, plan, target)?;
+        }
         self.gpu.queue.submit([encoder.finish()]);
+        self.write_instead();
+        self.gpu.queue.submit([]);
         self.gpu.wait()?;
         Ok(())
     }
@@ -524,4 +574,21 @@ impl Renderer {
     pub fn gpu(&self) -> &Arc<Gpu> {
         &self.gpu
     }
+}
+
+/// Makes a picture black.
+fn clear(encoder: &mut wgpu::CommandEncoder, view: &wgpu::TextureView) {
+    encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+        label: Some("dark"),
+        color_attachments: &[Some(wgpu::RenderPassColorAttachment {
+            view,
+            depth_slice: None,
+            resolve_target: None,
+            ops: wgpu::Operations {
+                load: wgpu::LoadOp::Clear(wgpu::Color::BLACK),
+                store: wgpu::StoreOp::Store,
+            },
+        })],
+        ..wgpu::RenderPassDescriptor::default()
+    });
 }

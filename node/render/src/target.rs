@@ -1,20 +1,34 @@
 //! Where pictures are drawn: one picture per output, and the block that is being drawn for it.
 //! In: outputs' sizes. Out: textures to draw into, copies between them, and pixels read back.
 
-use crate::canvas::OutputPlan;
 use crate::error::RenderError;
 use crate::gpu::Gpu;
+use crate::outputs::OutputPlan;
 use crate::readback::{map, staging};
 
 /// Pictures hold gamma-encoded colour as it goes to a screen or into a PNG.
 pub(crate) const COLOUR: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8Unorm;
 pub(crate) const DEPTH: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
 
+/// The same, read as linear light.
+pub(crate) const LIGHT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8UnormSrgb;
+
 /// The finished picture of one output.
 #[derive(Debug)]
 pub(crate) struct OutputTarget {
     pub(crate) texture: wgpu::Texture,
     pub(crate) view: wgpu::TextureView,
+    /// The pictures of the left and the right eye, of an output that shows both.
+    eyes: Vec<(wgpu::Texture, wgpu::TextureView)>,
+}
+
+/// What blocks are drawn to.
+#[derive(Debug)]
+pub(crate) struct ColourTarget {
+    pub(crate) texture: wgpu::Texture,
+    pub(crate) view: wgpu::TextureView,
+    /// For reading it as linear light.
+    pub(crate) light_view: wgpu::TextureView,
 }
 
 /// What the blocks of one output need of their target.
@@ -31,7 +45,7 @@ pub(crate) struct BlockLayout {
 pub(crate) struct BlockTarget {
     pub(crate) layout: BlockLayout,
     /// `None` where the output is exactly one block's part and is drawn to directly.
-    pub(crate) colour: Option<(wgpu::Texture, wgpu::TextureView)>,
+    pub(crate) colour: Option<ColourTarget>,
     pub(crate) depth: wgpu::TextureView,
 }
 
@@ -65,7 +79,7 @@ fn texture(
         dimension: wgpu::TextureDimension::D2,
         format,
         usage: usage | wgpu::TextureUsages::RENDER_ATTACHMENT,
-        view_formats: &[],
+        view_formats: if format == COLOUR { &[LIGHT] } else { &[] },
     })
 }
 
@@ -84,9 +98,34 @@ impl OutputTarget {
         let usage = wgpu::TextureUsages::COPY_SRC
             | wgpu::TextureUsages::COPY_DST
             | wgpu::TextureUsages::TEXTURE_BINDING;
-        let texture = texture(gpu, &plan.name, plan.size_px, COLOUR, usage);
-        let view = texture.create_view(&wgpu::TextureViewDescriptor::default());
-        Ok(Self { texture, view })
+        let make = || {
+            let texture = texture(gpu, &plan.name, plan.size_px, COLOUR, usage);
+            let view = texture.create_view(&wgpu::TextureViewDescriptor::default());
+            (texture, view)
+        };
+        let eyes = if plan.pictures() > 1 {
+            vec![make(), make()]
+        } else {
+            Vec::new()
+        };
+        let (texture, view) = make();
+        Ok(Self {
+            texture,
+            view,
+            eyes,
+        })
+    }
+
+    /// What channels of a picture are drawn to: the output itself, or one eye's picture.
+    pub(crate) fn picture(&self, number: usize) -> &wgpu::TextureView {
+        self.eyes.get(number).map_or(&self.view, |(_, view)| view)
+    }
+
+    /// The same as a texture.
+    pub(crate) fn picture_texture(&self, number: usize) -> &wgpu::Texture {
+        self.eyes
+            .get(number)
+            .map_or(&self.texture, |(texture, _)| texture)
     }
 
     /// Copies the picture to the CPU. Waits for the GPU.
@@ -125,15 +164,36 @@ impl OutputTarget {
 }
 
 impl BlockTarget {
+    /// Whether blocks of a layout can be drawn to it: it is large enough, and not needlessly large.
+    pub(crate) fn suits(&self, layout: BlockLayout) -> bool {
+        let sides = self.layout.size.iter().zip(layout.size);
+        let mut fits = sides.map(|(own, due)| *own >= due && *own <= 2 * due);
+        self.layout.direct == layout.direct
+            && if layout.direct {
+                self.layout.size == layout.size
+            } else {
+                fits.all(|fits| fits)
+            }
+    }
+
     /// A target for a layout, without colour of its own where the output is drawn to directly.
     pub(crate) fn new(gpu: &Gpu, layout: BlockLayout) -> Self {
         let BlockLayout { size, direct } = layout;
         let view =
             |texture: &wgpu::Texture| texture.create_view(&wgpu::TextureViewDescriptor::default());
         let colour = (!direct).then(|| {
-            let colour = texture(gpu, "block", size, COLOUR, wgpu::TextureUsages::COPY_SRC);
-            let colour_view = view(&colour);
-            (colour, colour_view)
+            let usage = wgpu::TextureUsages::COPY_SRC | wgpu::TextureUsages::TEXTURE_BINDING;
+            let colour = texture(gpu, "block", size, COLOUR, usage);
+            let light = wgpu::TextureViewDescriptor {
+                format: Some(LIGHT),
+                usage: Some(wgpu::TextureUsages::TEXTURE_BINDING),
+                ..wgpu::TextureViewDescriptor::default()
+            };
+            ColourTarget {
+                view: view(&colour),
+                light_view: colour.create_view(&light),
+                texture: colour,
+            }
         });
         let depth = texture(
             gpu,

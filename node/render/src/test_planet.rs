@@ -13,10 +13,11 @@ use tiles::{
     Validity,
 };
 
-use crate::canvas::{ChannelPlan, OutputPlan, PixelRect, PlanarScreen};
+use crate::canvas::{PixelRect, PlanarScreen};
 use crate::device_tests::device;
 use crate::layer::{Blend, Elevation, Fusion, Imagery, LayerData, LayerParameters, Process};
-use crate::renderer::{FrameStatistics, RenderBudget, Renderer, ViewPoint};
+use crate::outputs::{ChannelPlan, ChannelSource, OutputPlan};
+use crate::renderer::{EyeView, FrameStatistics, RenderBudget, Renderer, ViewPoint};
 use crate::scene::{Air, Light, Refine, SceneData};
 use crate::target::Picture;
 
@@ -182,15 +183,35 @@ impl Planet {
     }
 }
 
+/// An output without any channel.
+pub(crate) fn empty_output(name: &str, size_px: [u32; 2]) -> OutputPlan {
+    OutputPlan {
+        name: name.to_owned(),
+        size_px,
+        stereo: None,
+        gamma: None,
+        channels: Vec::new(),
+    }
+}
+
+/// A part of a view, at a place of its output.
+pub(crate) fn channel(view: usize, part: PixelRect, [x, y]: [u32; 2]) -> ChannelPlan {
+    ChannelPlan {
+        picture: 0,
+        output_px: PixelRect { x, y, ..part },
+        source: ChannelSource::Canvas {
+            view,
+            origin_px: [part.x, part.y],
+        },
+        light: None,
+    }
+}
+
+/// An output that shows a part of the first view.
 pub(crate) fn output(rect: PixelRect) -> OutputPlan {
     OutputPlan {
-        name: format!("{},{}", rect.x, rect.y),
-        size_px: [rect.width, rect.height],
-        channels: vec![ChannelPlan {
-            screen: 0,
-            canvas_px: rect,
-            output_px: [0, 0],
-        }],
+        channels: vec![channel(0, rect, [0, 0])],
+        ..empty_output(&format!("{},{}", rect.x, rect.y), [rect.width, rect.height])
     }
 }
 
@@ -214,7 +235,8 @@ pub(crate) fn view(
     ViewPoint {
         eyes: vec![Ellipsoid::EARTH.point(normal, altitude_m)],
         room: DMat3::from_cols(east, east.cross(forward), -forward),
-        screens: vec![screen],
+        views: vec![EyeView { eye: 0, screen }],
+        warps: Vec::new(),
         pixels_per_radian: 400.0,
     }
 }

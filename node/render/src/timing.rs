@@ -306,7 +306,13 @@ fn uniform_of(stage: Stage, tile: Tile) -> Vec<u8> {
             };
             return bytes_of(&uniform).to_vec();
         }
-        Stage::Terrain | Stage::Wireframe | Stage::Atmosphere | Stage::Copy => return Vec::new(),
+        Stage::Terrain
+        | Stage::Wireframe
+        | Stage::Atmosphere
+        | Stage::Copy
+        | Stage::Warp
+        | Stage::Light
+        | Stage::Stereo => return Vec::new(),
     };
     uniforms::process(&process, &ground, tile, [0.0, 1.0])
         .map_or_else(Vec::new, |(_, uniform)| uniform)

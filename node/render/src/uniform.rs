@@ -9,14 +9,14 @@ use crate::canvas::{Block, to_sphere_space};
 use crate::renderer::ViewPoint;
 use crate::scene::SceneData;
 
-/// The frame uniform of a block of a screen.
+/// The frame uniform of a block that an eye sees.
 pub(crate) fn frame_uniform(
     scene: &SceneData,
     view: &ViewPoint,
-    screen: usize,
+    eye: usize,
     block: &Block,
 ) -> FrameUniform {
-    let eye = view.eyes.get(screen).copied().unwrap_or_default();
+    let eye = view.eyes.get(eye).copied().unwrap_or_default();
     let [x0, x1, y0, y1, z0, z1] = FixedPoint::from_ecef(eye).words();
     let ellipsoid = scene.ellipsoid;
     let (a, b) = (ellipsoid.semi_major_m, ellipsoid.semi_minor_m);

@@ -4,6 +4,7 @@
 use shaders::Stage;
 
 use crate::error::RenderError;
+use crate::finish::full_screen_pipeline;
 use crate::gpu::Gpu;
 use crate::renderer::Renderer;
 
@@ -58,7 +59,7 @@ impl WindowSurface {
             })
             .ok_or_else(|| refuse(format!("{} cannot show it", gpu.name())))?;
         surface.configure(&gpu.device, &config);
-        let pipeline = copy_pipeline(gpu, format)?;
+        let pipeline = full_screen_pipeline(gpu, Stage::Copy, format)?;
         let view = renderer
             .output_view(index)
             .ok_or_else(|| refuse("the renderer has no such output".to_owned()))?;
@@ -158,39 +159,4 @@ impl WindowSurface {
             gpu.queue.present(texture);
         }
     }
-}
-
-fn copy_pipeline(
-    gpu: &Gpu,
-    format: wgpu::TextureFormat,
-) -> Result<wgpu::RenderPipeline, RenderError> {
-    let module = gpu
-        .device
-        .create_shader_module(wgpu::ShaderModuleDescriptor {
-            label: Some(Stage::Copy.name()),
-            source: wgpu::ShaderSource::Wgsl(Stage::Copy.source()?.into()),
-        });
-    Ok(gpu
-        .device
-        .create_render_pipeline(&wgpu::RenderPipelineDescriptor {
-            label: Some(Stage::Copy.name()),
-            layout: None,
-            vertex: wgpu::VertexState {
-                module: &module,
-                entry_point: Some("vertex_main"),
-                compilation_options: wgpu::PipelineCompilationOptions::default(),
-                buffers: &[],
-            },
-            primitive: wgpu::PrimitiveState::default(),
-            depth_stencil: None,
-            multisample: wgpu::MultisampleState::default(),
-            fragment: Some(wgpu::FragmentState {
-                module: &module,
-                entry_point: Some("fragment_main"),
-                compilation_options: wgpu::PipelineCompilationOptions::default(),
-                targets: &[Some(format.into())],
-            }),
-            multiview_mask: None,
-            cache: None,
-        }))
 }

@@ -9,9 +9,9 @@ use crate::refine::buffers::GeometryBuffers;
 use crate::refine::pipelines::{
     HEIGHTS, HEIGHTS_RESAMPLED, PYRAMID_11, PYRAMID_12, PYRAMID_COARSE, PYRAMID_FINE, Pipelines,
 };
-use crate::refine::scratch::{Growing, bind, write_uniforms};
 use crate::refine::times::{PassTimes, Recorder};
 use crate::refine::{HeightsJob, missing};
+use crate::scratch::{Growing, bind, write_uniforms};
 
 /// Invocations of a workgroup.
 const LANES: u32 = 64;

@@ -12,9 +12,9 @@ use crate::refine::fill::marks_of_level;
 use crate::refine::pipelines::{
     ADVANCE, BOTTOM_UP, COUNT_LEAVES, COUNT_WORDS, Pipelines, SEED_MARKS, TOP_DOWN,
 };
-use crate::refine::scratch::{Growing, bind, write_uniforms};
 use crate::refine::times::{PassTimes, Recorder, read_mapped};
 use crate::refine::{MarkLimits, Marked, Method, missing};
+use crate::scratch::{Growing, bind, write_uniforms};
 
 const MARK_WORDS: u64 = terrain::MARK_WORDS as u64;
 /// Bytes of a word's marks with what comes before it.

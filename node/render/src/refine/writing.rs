@@ -13,8 +13,8 @@ use crate::refine::buffers::GeometryBuffers;
 use crate::refine::marking::Marking;
 use crate::refine::missing;
 use crate::refine::pipelines::{COMPACT, EMIT, Pipelines};
-use crate::refine::scratch::{Growing, bind};
 use crate::refine::times::{PassTimes, Recorder};
+use crate::scratch::{Growing, bind};
 
 /// Bytes of an entry of the list of vertices.
 const ENTRY_BYTES: u64 = 8;

@@ -4,8 +4,10 @@
 use geodesy::Ellipsoid;
 use glam::DVec3;
 
-use crate::canvas::{Block, ChannelPlan, OutputPlan};
+use crate::canvas::{Block, PixelRect};
+use crate::finish::on_target;
 use crate::loaded::LoadedScene;
+use crate::outputs::{ChannelPlan, ChannelSource, OutputPlan};
 use crate::ranges::Ranges;
 use crate::renderer::{Renderer, ViewPoint};
 use crate::target::{BlockLayout, BlockTarget, OutputTarget};
@@ -13,8 +15,11 @@ use crate::target::{BlockLayout, BlockTarget, OutputTarget};
 /// A block, and which channel of which output it is drawn for.
 pub(crate) struct PlannedBlock {
     pub(crate) output: usize,
-    pub(super) channel: usize,
-    pub(crate) screen: usize,
+    pub(crate) channel: usize,
+    /// Which part of a channel that is warped.
+    pub(crate) part: Option<usize>,
+    /// Which eye sees it.
+    pub(crate) eye: usize,
     pub(crate) block: Block,
 }
 
@@ -27,19 +32,39 @@ impl Renderer {
         let (plan, _, _) = self.outputs.get(output)?;
         let [x, y] = pixel;
         let channel = plan.channels.iter().find(|channel| {
-            let [left, top] = channel.output_px.map(f64::from);
-            let (width, height) = (
-                f64::from(channel.canvas_px.width),
-                f64::from(channel.canvas_px.height),
-            );
-            (left..left + width).contains(&x) && (top..top + height).contains(&y)
+            let rect = channel.output_px;
+            let (left, top) = (f64::from(rect.x), f64::from(rect.y));
+            (left..left + f64::from(rect.width)).contains(&x)
+                && (top..top + f64::from(rect.height)).contains(&y)
         })?;
-        let on_canvas = [
-            x - f64::from(channel.output_px[0]) + f64::from(channel.canvas_px.x),
-            y - f64::from(channel.output_px[1]) + f64::from(channel.canvas_px.y),
+        let [x, y] = [
+            x - f64::from(channel.output_px.x),
+            y - f64::from(channel.output_px.y),
         ];
-        let eye = *view.eyes.get(channel.screen)?;
-        let ray = view.room * view.screens.get(channel.screen)?.ray_through(on_canvas);
+        let (seen, ray) = match &channel.source {
+            ChannelSource::Canvas {
+                view: number,
+                origin_px,
+            } => {
+                let seen = view.views.get(*number)?;
+                let [left, top] = origin_px.map(f64::from);
+                (seen, seen.screen.ray_through([x + left, y + top]))
+            }
+            ChannelSource::Warped { warp, map } => {
+                let (column, row) = (x as u32, y as u32);
+                let part = view.warps.get(*warp)?.iter().find(|part| {
+                    let rect = part.rect_px;
+                    (rect.x..rect.x + rect.width).contains(&column)
+                        && (rect.y..rect.y + rect.height).contains(&row)
+                })?;
+                (
+                    view.views.get(part.view)?,
+                    map.point_m(column, row)? - part.eye_m,
+                )
+            }
+        };
+        let eye = *view.eyes.get(seen.eye)?;
+        let ray = view.room * ray;
         let normal = ground_hit(&scene.data.ellipsoid, eye, ray)?;
         let (latitude_deg, longitude_deg) = Ellipsoid::angles_deg(normal);
         Some([latitude_deg, longitude_deg])
@@ -73,16 +98,44 @@ pub(super) fn plan_blocks(
     let mut blocks = Vec::new();
     for (output, (plan, _, _)) in outputs.iter().enumerate() {
         for (index, channel) in plan.channels.iter().enumerate() {
-            let Some(screen) = view.screens.get(channel.screen) else {
-                continue;
+            let mut add = |eye: usize, part: Option<usize>, block: Block| {
+                blocks.push(PlannedBlock {
+                    output,
+                    channel: index,
+                    part,
+                    eye,
+                    block,
+                });
             };
-            let of_channel = screen.blocks(channel.canvas_px, view.room);
-            blocks.extend(of_channel.into_iter().map(|block| PlannedBlock {
-                output,
-                channel: index,
-                screen: channel.screen,
-                block,
-            }));
+            match &channel.source {
+                ChannelSource::Canvas {
+                    view: number,
+                    origin_px,
+                } => {
+                    let Some(seen) = view.views.get(*number) else {
+                        continue;
+                    };
+                    let wanted = PixelRect {
+                        x: origin_px[0],
+                        y: origin_px[1],
+                        ..channel.output_px
+                    };
+                    for block in seen.screen.blocks(wanted, view.room) {
+                        add(seen.eye, None, block);
+                    }
+                }
+                ChannelSource::Warped { warp, .. } => {
+                    let parts = view.warps.get(*warp).map_or(&[][..], Vec::as_slice);
+                    for (number, part) in parts.iter().enumerate() {
+                        let seen = view.views.get(part.view);
+                        if let Some(seen) = seen
+                            && let Some(block) = seen.screen.whole(view.room)
+                        {
+                            add(seen.eye, Some(number), block);
+                        }
+                    }
+                }
+            }
         }
     }
     blocks
@@ -102,7 +155,7 @@ pub(super) fn filled_blocks(
     let semi_axes_m = DVec3::new(a, a, b) + floor_m;
     let filled = |planned: &PlannedBlock| {
         view.eyes
-            .get(planned.screen)
+            .get(planned.eye)
             .is_some_and(|eye| planned.block.is_filled_by(semi_axes_m, *eye))
     };
     blocks.iter().map(filled).collect()
@@ -122,29 +175,30 @@ pub(super) fn block_layouts(
         layout.size[0] = layout.size[0].max(wanted.x + wanted.width);
         layout.size[1] = layout.size[1].max(wanted.y + wanted.height);
         counts[output] += 1;
+        let plan = &outputs[output].0;
+        let plain = plan
+            .channels
+            .get(planned.channel)
+            .is_some_and(|channel| channel.is_plain(plan));
         layout.direct = counts[output] == 1
+            && plain
+            && plan.stereo.is_none()
             && (wanted.x, wanted.y) == (0, 0)
-            && outputs[output].0.size_px == [wanted.width, wanted.height];
+            && plan.size_px == [wanted.width, wanted.height];
     }
     layouts
 }
 
-/// Copies a block's wanted part to its place in the output.
+/// Copies a block's wanted part to its place in its channel's picture.
 pub(super) fn copy_block(
     encoder: &mut wgpu::CommandEncoder,
-    block_texture: &wgpu::Texture,
-    target: &OutputTarget,
+    drawn: &wgpu::Texture,
+    target: &wgpu::Texture,
     channel: &ChannelPlan,
-    block: &Block,
+    planned: &PlannedBlock,
 ) {
-    let wanted = block.wanted;
-    let on_canvas = (block.area.x + wanted.x, block.area.y + wanted.y);
-    let [left, top] = channel.output_px;
-    let place = wgpu::Origin3d {
-        x: left + on_canvas.0 - channel.canvas_px.x,
-        y: top + on_canvas.1 - channel.canvas_px.y,
-        z: 0,
-    };
+    let wanted = planned.block.wanted;
+    let [x, y] = on_target(channel, planned);
     encoder.copy_texture_to_texture(
         wgpu::TexelCopyTextureInfo {
             origin: wgpu::Origin3d {
@@ -152,11 +206,11 @@ pub(super) fn copy_block(
                 y: wanted.y,
                 z: 0,
             },
-            ..block_texture.as_image_copy()
+            ..drawn.as_image_copy()
         },
         wgpu::TexelCopyTextureInfo {
-            origin: place,
-            ..target.texture.as_image_copy()
+            origin: wgpu::Origin3d { x, y, z: 0 },
+            ..target.as_image_copy()
         },
         wgpu::Extent3d {
             width: wanted.width,
@@ -164,4 +218,23 @@ pub(super) fn copy_block(
             depth_or_array_layers: 1,
         },
     );
+}
+
+/// Pictures of outputs of which some channel has no block in this frame, by output and number: a head that a tracker
+/// puts behind a screen sees nothing there.
+pub(super) fn dark_pictures(
+    outputs: &[(OutputPlan, OutputTarget, Option<BlockTarget>)],
+    blocks: &[PlannedBlock],
+) -> Vec<(usize, usize)> {
+    let mut dark = Vec::new();
+    for (output, (plan, _, _)) in outputs.iter().enumerate() {
+        for (index, channel) in plan.channels.iter().enumerate() {
+            let drawn =
+                |planned: &PlannedBlock| (planned.output, planned.channel) == (output, index);
+            if !blocks.iter().any(drawn) && !dark.contains(&(output, channel.picture)) {
+                dark.push((output, channel.picture));
+            }
+        }
+    }
+    dark
 }

@@ -6,6 +6,7 @@ use std::time::Duration;
 use glam::{DMat3, DVec3};
 
 use crate::canvas::PlanarScreen;
+use crate::outputs::WarpPart;
 
 /// Limits of memory and time.
 #[derive(Clone, Copy, Debug)]
@@ -19,17 +20,28 @@ pub struct RenderBudget {
     pub shared: bool,
 }
 
-/// Where the viewer is, and how the screens stand around the eye.
+/// Where the viewers' eyes are, and what is to be drawn for each.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ViewPoint {
-    /// The eye of each screen in ECEF metres.
+    /// Eyes in ECEF metres.
     pub eyes: Vec<DVec3>,
     /// The room's x, y and z axes in ECEF, as columns.
     pub room: DMat3,
-    /// The screens in room axes, each relative to its eye.
-    pub screens: Vec<PlanarScreen>,
+    /// What is seen from the eyes.
+    pub views: Vec<EyeView>,
+    /// The parts of each channel that is warped. An empty list shows nothing.
+    pub warps: Vec<Vec<WarpPart>>,
     /// Density of the wall's densest screen. The same on every node.
     pub pixels_per_radian: f64,
+}
+
+/// A picture on a plane, seen from an eye.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct EyeView {
+    /// Index into [`ViewPoint::eyes`].
+    pub eye: usize,
+    /// The plane's rectangle in room axes, relative to the eye.
+    pub screen: PlanarScreen,
 }
 
 /// What one call of [`Renderer::draw`] did.
