@@ -10,7 +10,7 @@ use thiserror::Error;
 
 use crate::config::ConfigError;
 use crate::message::{MAX_NEW_TILES, MAX_REASON_BYTES, PROTOCOL_VERSION, ToMaster, ToNode, View};
-use crate::wall::MAX_OBSERVERS;
+use crate::wall::{MAX_OBSERVERS, MAX_OUTPUTS};
 
 /// Most bytes of a [`View`]: it fits the smallest QUIC datagram.
 pub const MAX_VIEW_BYTES: usize = 1100;
@@ -98,7 +98,7 @@ pub fn encode_view(view: &View) -> Result<Vec<u8>, EncodeError> {
 /// Anything that no [`encode_view`] of this version wrote.
 pub fn decode_view(bytes: &[u8]) -> Result<View, DecodeError> {
     let view: View = decode(bytes, "view", MAX_VIEW_BYTES)?;
-    if view.heads_m.len() > MAX_OBSERVERS {
+    if view.viewers.heads.len() > MAX_OBSERVERS {
         return Err(DecodeError::Senseless("a view of more than 16 heads"));
     }
     if !view.pose.is_sound() {
@@ -106,13 +106,10 @@ pub fn decode_view(bytes: &[u8]) -> Result<View, DecodeError> {
             "a pose whose axes are not orthonormal",
         ));
     }
-    if !view
-        .heads_m
-        .iter()
-        .flatten()
-        .all(|metres| metres.is_finite())
-    {
-        return Err(DecodeError::Senseless("a head that is nowhere"));
+    if !view.viewers.is_sound() {
+        return Err(DecodeError::Senseless(
+            "a head that is nowhere, or a wall without pixels",
+        ));
     }
     Ok(view)
 }
@@ -142,6 +139,12 @@ pub fn decode_to_node(bytes: &[u8]) -> Result<ToNode, DecodeError> {
                     "a welcome to a host that the wall does not have",
                 ));
             }
+        }
+        ToNode::Wall { wall, .. } => wall.validate()?,
+        ToNode::Patterns(patterns) if patterns.len() > MAX_OUTPUTS => {
+            return Err(DecodeError::Senseless(
+                "patterns for more outputs than a host may have",
+            ));
         }
         ToNode::Scene { scene, .. } => scene.validate()?,
         _ => {}
@@ -215,7 +218,7 @@ fn is_length(pixels: f64) -> bool {
 fn to_node_limit(message: &ToNode) -> (&'static str, usize) {
     match message {
         ToNode::Scene { .. } => ("scene", MAX_LARGE_BYTES),
-        ToNode::Welcome { .. } => ("wall", MAX_LARGE_BYTES),
+        ToNode::Welcome { .. } | ToNode::Wall { .. } => ("wall", MAX_LARGE_BYTES),
         _ => ("message to a node", MAX_CONTROL_BYTES),
     }
 }

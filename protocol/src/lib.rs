@@ -12,6 +12,7 @@
 //! | [`membership`] | who may join, who is in, who has left |
 //! | [`change`] | which revision of the scene is shown, prepared and queued |
 //! | [`clock`], [`pacing`] | one clock for all nodes, and the moments at which they present |
+//! | [`pattern`] | the test patterns that outputs can show |
 //! | [`report`] | what was measured |
 //!
 //! Nothing here opens a socket, reads a clock or touches a GPU: state machines take time and messages
@@ -28,6 +29,7 @@ pub mod follower;
 pub mod membership;
 pub mod message;
 pub mod pacing;
+pub mod pattern;
 pub mod report;
 pub mod scene;
 #[cfg(test)]

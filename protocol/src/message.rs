@@ -11,11 +11,12 @@
 use serde::{Deserialize, Serialize};
 
 use crate::camera::Pose;
+use crate::pattern::Pattern;
 use crate::scene::Scene;
-use crate::wall::Wall;
+use crate::wall::{Viewers, Wall};
 
 /// Changes whenever a message changes. Master and nodes must have the same.
-pub const PROTOCOL_VERSION: u32 = 3;
+pub const PROTOCOL_VERSION: u32 = 4;
 
 /// Most new tiles that one [`ToMaster::Counters`] may name.
 pub const MAX_NEW_TILES: usize = 4096;
@@ -33,12 +34,14 @@ pub struct View {
     pub frame: u64,
     /// The scene that this frame shows.
     pub scene_revision: u64,
+    /// The measures of the wall that this frame is drawn for: 0 for those of the welcome.
+    pub wall_revision: u32,
     /// When the master sent it, on the master's clock. A repeated view keeps its first time.
     pub sent_us: i64,
     /// Where the viewer is.
     pub pose: Pose,
-    /// Head of each observer in room metres, in the wall's order, at most 16.
-    pub heads_m: Vec<[f64; 3]>,
+    /// Who looks at the wall.
+    pub viewers: Viewers,
     /// The camera holds still for a capture: a frame counts once its picture has converged.
     pub settle: bool,
     /// The swap of the frame before, for a node that its own message did not reach.
@@ -113,6 +116,15 @@ pub enum ToNode {
     /// No frame follows: measure the error of the picture that stands, and say [`ToMaster::ErrorMeasured`] or
     /// [`ToMaster::CannotMeasure`].
     MeasureError,
+    /// The measures of the wall from the first view of this revision on.
+    Wall {
+        /// Rises with every change.
+        revision: u32,
+        /// The wall, valid, with the outputs and canvases of the welcome.
+        wall: Box<Wall>,
+    },
+    /// What each of this node's outputs shows instead of the scene, in their order, from the next view on.
+    Patterns(Vec<Option<Pattern>>),
 }
 
 /// What a node says to the master.

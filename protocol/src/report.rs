@@ -5,11 +5,13 @@ mod changes;
 mod error;
 mod recorder;
 mod tally;
+mod tracker;
 
 use serde::{Deserialize, Serialize};
 
 pub use error::ErrorReport;
 pub use recorder::Recorder;
+pub use tracker::{TrackerReport, TrackerState};
 
 /// Measurements of a run. Keys are read by other tools: they may be added, never renamed.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -56,6 +58,9 @@ pub struct Report {
     /// Most triangles that a node drew in a frame.
     #[serde(default)]
     pub triangles: Max,
+    /// The wall's trackers, in its order. Empty in reports older than this key.
+    #[serde(default)]
+    pub trackers: Vec<TrackerReport>,
     /// Whether nothing was missing in the last picture of any node.
     pub converged: bool,
     /// Every host of the wall, in its order.

@@ -2,15 +2,29 @@
 //! In: TOML text. Out: a validated [`Wall`], or an error that names file, line, value and remedy.
 //! Room frame: metres, right-handed, x right, y up, z towards the viewers. It opens no file.
 
+mod adjust;
 mod check;
+mod check_output;
+mod check_screen;
 mod geometry;
+mod observer;
+mod output;
 mod raw;
+mod raw_output;
+mod raw_screen;
+mod raw_tracker;
+mod screen;
+mod tracker;
 
 use serde::{Deserialize, Serialize};
 
 use crate::config::{ConfigError, Document, Problem};
 
-pub use geometry::{CanvasPiece, EyeToScreen, PixelDensity};
+pub use geometry::{CanvasPiece, EyeToScreen, PixelDensity, Sight, Surfaces};
+pub use observer::{Eye, Head, Observer, Viewers};
+pub use output::{Blend, Calibration, Channel, Host, Output, Rect, Stereo, WindowPlacement};
+pub use screen::{CylinderCanvas, PlanarCorners, Screen, ScreenShape, SphereCanvas};
+pub use tracker::{Axes, Body, Smoothing, Tracker, TrackerSource};
 
 /// Why a wall was refused.
 pub type WallError = ConfigError;
@@ -19,6 +33,8 @@ pub type WallError = ConfigError;
 pub const MAX_OBSERVERS: usize = 16;
 /// Most hosts a wall may have.
 pub const MAX_HOSTS: usize = 256;
+/// Most trackers a wall may have.
+pub const MAX_TRACKERS: usize = 16;
 /// Most screens a wall may have.
 pub const MAX_SCREENS: usize = 256;
 /// Most outputs a host may have.
@@ -37,100 +53,14 @@ pub struct Wall {
     pub fps: f64,
     /// Who looks at it, 1…16.
     pub observers: Vec<Observer>,
+    /// What follows their heads, up to 16.
+    pub trackers: Vec<Tracker>,
     /// The screens, 1…256. Each one is a canvas.
     pub screens: Vec<Screen>,
     /// The machines that draw, 1…256.
     pub hosts: Vec<Host>,
     /// What every node may keep.
     pub cache: CacheBudgets,
-}
-
-/// A viewer for whom pictures are rendered.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Observer {
-    /// Unique among the observers.
-    pub name: String,
-    /// Where the head is while nothing tracks it, in room metres.
-    pub head_m: [f64; 3],
-}
-
-/// A planar screen. It is one canvas: a picture of `size_px` from which channels are cut.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Screen {
-    /// Unique among the screens.
-    pub name: String,
-    /// Index into [`Wall::observers`].
-    pub observer: usize,
-    /// Where the canvas is in the room.
-    pub corners_m: PlanarCorners,
-    /// Width and height of the canvas in pixels, each 1…16384. Pixels are square within 2 %.
-    pub size_px: [u32; 2],
-}
-
-/// Three corners of a rectangle in room metres, as its observer sees them; the fourth follows.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct PlanarCorners {
-    /// Lower left corner.
-    pub bottom_left: [f64; 3],
-    /// Lower right corner.
-    pub bottom_right: [f64; 3],
-    /// Upper left corner.
-    pub top_left: [f64; 3],
-}
-
-/// A machine that draws. Its name is the name of its node.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Host {
-    /// Unique among the hosts.
-    pub name: String,
-    /// Its pictures, 1…256.
-    pub outputs: Vec<Output>,
-}
-
-/// One picture of a host: a window, or an image that only exists in memory.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Output {
-    /// Unique within the host.
-    pub name: String,
-    /// Width and height in pixels, each 1…16384.
-    pub size_px: [u32; 2],
-    /// Where its window goes; `None` for an output that is always headless.
-    pub window: Option<WindowPlacement>,
-    /// What it shows, 1…64. Channels of one output do not overlap.
-    pub channels: Vec<Channel>,
-}
-
-/// Where a window goes on the desktop of its host.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct WindowPlacement {
-    /// Upper left corner in desktop pixels.
-    pub position_px: [i32; 2],
-    /// Whether it covers the whole monitor.
-    pub fullscreen: bool,
-}
-
-/// A rectangle of a canvas that an output shows, pixel for pixel.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Channel {
-    /// Index into [`Wall::screens`].
-    pub screen: usize,
-    /// The part of that screen's canvas.
-    pub canvas_px: Rect,
-    /// Where its upper left corner goes in the output.
-    pub output_px: [u32; 2],
-}
-
-/// A rectangle of pixels. The origin is the upper left corner of the canvas, y points down.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
-pub struct Rect {
-    /// Left edge.
-    pub x: u32,
-    /// Upper edge.
-    pub y: u32,
-    /// Width, ≥ 1.
-    pub width: u32,
-    /// Height, ≥ 1.
-    pub height: u32,
 }
 
 /// What a node may keep, in MiB. Over budget, quality drops and nothing else.
@@ -183,13 +113,70 @@ impl Wall {
         self.hosts.iter().position(|host| host.name == name)
     }
 
-    /// The heads of all observers in room metres, as long as nothing tracks them.
+    /// The same room with a share of the pixels, for trying a wall on a machine that cannot draw all of them: canvases,
+    /// outputs, channels and ramps shrink alike, to whole pixels. `share` is > 0, and usually below 1.
     #[must_use]
-    pub fn heads_m(&self) -> Vec<[f64; 3]> {
-        self.observers
-            .iter()
-            .map(|observer| observer.head_m)
-            .collect()
+    pub fn with_share_of_pixels(&self, share: f64) -> Self {
+        let scale =
+            |pixels: u32| ((f64::from(pixels) * share).round() as u32).clamp(1, MAX_SIZE_PX);
+        let place = |pixels: u32| (f64::from(pixels) * share).round() as u32;
+        let mut wall = self.clone();
+        for screen in &mut wall.screens {
+            screen.size_px = screen.size_px.map(scale);
+        }
+        for output in wall.hosts.iter_mut().flat_map(|host| &mut host.outputs) {
+            output.size_px = output.size_px.map(scale);
+            for channel in &mut output.channels {
+                // Edges that were one stay one.
+                let rect = channel.canvas_px;
+                let (x, y) = (place(rect.x), place(rect.y));
+                channel.canvas_px = Rect {
+                    x,
+                    y,
+                    width: place(rect.right()).saturating_sub(x).max(1),
+                    height: place(rect.bottom()).saturating_sub(y).max(1),
+                };
+                let shown = channel.output_rect();
+                channel.output_px = channel.output_px.map(place);
+                let [x, y] = channel.output_px;
+                channel.size_px = match channel.calibration {
+                    None => [channel.canvas_px.width, channel.canvas_px.height],
+                    Some(_) => [
+                        place(shown.right()).saturating_sub(x).max(1),
+                        place(shown.bottom()).saturating_sub(y).max(1),
+                    ],
+                };
+                // Rounding may have pushed a channel over the edge by a pixel.
+                for (axis, size) in channel.size_px.into_iter().enumerate() {
+                    let most = output.size_px[axis].saturating_sub(size);
+                    channel.output_px[axis] = channel.output_px[axis].min(most);
+                }
+                channel.blend.ramps_px = channel.blend.ramps_px.map(place);
+            }
+        }
+        wall
+    }
+
+    /// The files that the wall names, for the master to say where they are.
+    pub fn files_mut(&mut self) -> impl Iterator<Item = &mut String> {
+        let of_screens = self
+            .screens
+            .iter_mut()
+            .filter_map(|screen| match &mut screen.shape {
+                ScreenShape::Surface { file, .. } => Some(file),
+                _ => None,
+            });
+        let outputs = self.hosts.iter_mut().flat_map(|host| &mut host.outputs);
+        let channels = outputs.flat_map(|output| &mut output.channels);
+        let of_channels =
+            channels.filter_map(|channel| Some(&mut channel.calibration.as_mut()?.file));
+        of_screens.chain(of_channels)
+    }
+
+    /// The heads of all observers as long as nothing tracks them.
+    #[must_use]
+    pub fn heads(&self) -> Vec<Head> {
+        self.observers.iter().map(Observer::resting_head).collect()
     }
 
     /// The same canvases on one host "single": one output per screen, of the canvas's size, that shows
@@ -207,12 +194,13 @@ impl Wall {
             Output {
                 name: screen.name.clone(),
                 size_px: screen.size_px,
-                window: None,
                 channels: vec![Channel {
                     screen: index,
                     canvas_px,
-                    output_px: [0, 0],
+                    size_px: screen.size_px,
+                    ..Channel::default()
                 }],
+                ..Output::default()
             }
         };
         let outputs = self.screens.iter().enumerate().map(whole).collect();
@@ -223,28 +211,5 @@ impl Wall {
             }],
             ..self.clone()
         }
-    }
-}
-
-impl Rect {
-    /// The column just right of the rectangle. Saturates.
-    #[must_use]
-    pub const fn right(&self) -> u32 {
-        self.x.saturating_add(self.width)
-    }
-
-    /// The row just below the rectangle. Saturates.
-    #[must_use]
-    pub const fn bottom(&self) -> u32 {
-        self.y.saturating_add(self.height)
-    }
-
-    /// Whether the two share a pixel.
-    #[must_use]
-    pub const fn overlaps(&self, other: &Self) -> bool {
-        self.x < other.right()
-            && other.x < self.right()
-            && self.y < other.bottom()
-            && other.y < self.bottom()
     }
 }

@@ -20,6 +20,7 @@ use protocol::message::{
     ErrorMeasured, HeldKeys, Hello, MoveLens, PROTOCOL_VERSION, Presented, Steer, Swap,
     TileCounters, ToMaster, ToNode, View,
 };
+use protocol::wall::{Head, Viewers};
 use protocol::{Pose, Scene, Wall};
 
 const WALL: &str = include_str!("../../configs/walls/powerwall-3x2-bezels.toml");
@@ -39,9 +40,13 @@ fn view(heads: usize) -> View {
         epoch: 3,
         frame: 1000,
         scene_revision: 1,
+        wall_revision: 2,
         sent_us: -5,
         pose: pose(),
-        heads_m: vec![[0.0, 1.7, 3.0]; heads],
+        viewers: Viewers {
+            heads: vec![Head::upright([0.0, 1.7, 3.0]); heads],
+            pixels_per_radian: 1500.0,
+        },
         settle: true,
         previous_swap: Some(Swap {
             epoch: 2,
@@ -54,10 +59,10 @@ fn view(heads: usize) -> View {
 #[test]
 fn a_view_has_these_bytes() {
     // Laid out by hand: version; unsigned integers below 251 as one byte, else 251 and 16 bits, 252 and
-    // 32 bits or 253 and 64 bits; signed ones as 2n or −2n−1; floats as 64 bits; little endian.
-    let mut golden = vec![3, 3, 251];
+    // 32 bits or 253 and 64 bits; signed ones as 2n or −2n−1; floats as 64 bits, those of a direction as 32; little endian.
+    let mut golden = vec![4, 3, 251];
     golden.extend(1000_u16.to_le_bytes());
-    golden.extend([1, 9]);
+    golden.extend([1, 2, 9]);
     let components = [
         6_400_000.5,
         -2.0,
@@ -83,6 +88,9 @@ fn a_view_has_these_bytes() {
             .iter()
             .flat_map(|component| component.to_le_bytes()),
     );
+    let right = [1.0, 0.0, 0.0_f32];
+    golden.extend(right.iter().flat_map(|component| component.to_le_bytes()));
+    golden.extend(1500.0_f64.to_le_bytes());
     golden.extend([1, 1, 2, 251]);
     golden.extend(999_u16.to_le_bytes());
     golden.push(252);
@@ -98,7 +106,7 @@ fn control_messages_have_these_bytes() {
         frame: 2,
         present_at_us: 3,
     });
-    assert_eq!(encode_to_node(&swap).unwrap(), [3, 4, 1, 2, 6]);
+    assert_eq!(encode_to_node(&swap).unwrap(), [4, 4, 1, 2, 6]);
     let ready = ToMaster::Ready {
         epoch: 1,
         frame: 300,
@@ -107,13 +115,13 @@ fn control_messages_have_these_bytes() {
     };
     assert_eq!(
         encode_to_master(&ready).unwrap(),
-        [3, 2, 1, 251, 44, 1, 1, 7]
+        [4, 2, 1, 251, 44, 1, 1, 7]
     );
     let ping = ToMaster::ClockPing {
         sequence: 9,
         node_sent_us: -1,
     };
-    assert_eq!(encode_to_master(&ping).unwrap(), [3, 1, 9, 1]);
+    assert_eq!(encode_to_master(&ping).unwrap(), [4, 1, 9, 1]);
 }
 
 #[test]
@@ -122,6 +130,7 @@ fn the_largest_view_fits_the_smallest_datagram() {
     largest.epoch = u32::MAX;
     largest.frame = u64::MAX;
     largest.scene_revision = u64::MAX;
+    largest.wall_revision = u32::MAX;
     largest.sent_us = i64::MIN;
     largest.previous_swap = Some(Swap {
         epoch: u32::MAX,
@@ -129,8 +138,8 @@ fn the_largest_view_fits_the_smallest_datagram() {
         present_at_us: i64::MIN,
     });
     let bytes = encode_view(&largest).unwrap();
-    // 1 version, 5 epoch, 3·9 integers, 96 pose, 1 + 16·24 heads, 1 settle, 1 + 5 + 9 + 9 swap.
-    assert_eq!(bytes.len(), 1 + 5 + 27 + 96 + 385 + 1 + 24);
+    // 1 version, 5 epoch, 3·9 + 5 integers, 96 pose, 1 + 16·36 heads, 8 density, 1 settle, 1 + 5 + 9 + 9 swap.
+    assert_eq!(bytes.len(), 1 + 5 + 27 + 5 + 96 + 577 + 8 + 1 + 24);
     assert!(bytes.len() <= MAX_VIEW_BYTES && MAX_VIEW_BYTES == 1100);
     assert_eq!(decode_view(&bytes).unwrap(), largest);
     assert!(matches!(
@@ -146,7 +155,10 @@ fn views_that_make_no_sense_are_refused() {
         |view: &mut View| view.pose.right = [0.0; 3],
         |view: &mut View| view.pose.up = [0.0, 1.0, 0.0],
         |view: &mut View| view.pose.back = [-1.0, 0.0, 0.0],
-        |view: &mut View| view.heads_m[0][2] = f64::INFINITY,
+        |view: &mut View| view.viewers.heads[0].position_m[2] = f64::INFINITY,
+        |view: &mut View| view.viewers.heads[1].right = [0.0; 3],
+        |view: &mut View| view.viewers.pixels_per_radian = 0.0,
+        |view: &mut View| view.viewers.pixels_per_radian = f64::NAN,
     ] {
         let mut view = view(2);
         spoil(&mut view);
@@ -309,15 +321,15 @@ fn caps_hold_both_ways() {
     };
     assert!(encode_to_master(&ToMaster::CaptureRows(rows)).is_err());
     assert!(matches!(
-        decode_to_master(&vec![3; MAX_LARGE_BYTES + 1]),
+        decode_to_master(&vec![4; MAX_LARGE_BYTES + 1]),
         Err(DecodeError::TooLarge { .. })
     ));
     assert!(matches!(
-        decode_view(&[3; MAX_VIEW_BYTES + 1]),
+        decode_view(&[4; MAX_VIEW_BYTES + 1]),
         Err(DecodeError::TooLarge { .. })
     ));
     // A small message may not be padded to a large one by a long text.
-    let mut long = vec![3, 8, 252];
+    let mut long = vec![4, 8, 252];
     long.extend(100_000_u32.to_le_bytes());
     long.extend(std::iter::repeat_n(b'x', 100_000));
     assert!(matches!(
@@ -351,7 +363,7 @@ fn other_versions_and_extra_bytes_are_told_apart() {
         error,
         DecodeError::Version {
             found: 1,
-            expected: 3
+            expected: 4
         }
     ));
     assert!(error.to_string().contains("same version"));
@@ -368,11 +380,11 @@ fn lengths_that_lie_take_no_memory() {
     };
     let view_start = &encode_view(&view(0)).unwrap()[..1 + 1 + 3 + 1 + 1 + 96];
     assert!(decode_view(&huge(view_start)).is_err());
-    assert!(decode_to_master(&huge(&[3, 8])).is_err());
-    assert!(decode_to_master(&huge(&[3, 7, 0, 0, 0, 0, 0])).is_err());
-    assert!(decode_to_master(&huge(&[3, 4, 0, 0, 0])).is_err());
-    assert!(decode_to_master(&huge(&[3, 12, 5])).is_err());
-    assert!(decode_to_node(&huge(&[3, 1, 0])).is_err());
+    assert!(decode_to_master(&huge(&[4, 8])).is_err());
+    assert!(decode_to_master(&huge(&[4, 7, 0, 0, 0, 0, 0])).is_err());
+    assert!(decode_to_master(&huge(&[4, 4, 0, 0, 0])).is_err());
+    assert!(decode_to_master(&huge(&[4, 12, 5])).is_err());
+    assert!(decode_to_node(&huge(&[4, 1, 0])).is_err());
 }
 
 #[test]

@@ -11,7 +11,7 @@ use protocol::camera::Pose;
 use protocol::follower::{Follower, Step};
 use protocol::membership::{Membership, Refusal, SILENCE_US};
 use protocol::message::{Hello, PROTOCOL_VERSION, Swap, View};
-use protocol::wall::Wall;
+use protocol::wall::{Viewers, Wall};
 
 const DEMO: &str = include_str!("../../configs/walls/demo-2x2.toml");
 
@@ -192,7 +192,11 @@ fn view(frame: u64, previous_swap: Option<Swap>) -> View {
             up: [0.0, 0.0, 1.0],
             back: [1.0, 0.0, 0.0],
         },
-        heads_m: vec![],
+        wall_revision: 0,
+        viewers: Viewers {
+            heads: vec![],
+            pixels_per_radian: 1000.0,
+        },
         settle: false,
         previous_swap,
     }

@@ -42,11 +42,16 @@ impl<'d, 'i> Table<'d, 'i> {
 
     /// Refuses every key but `known`, and says which one was probably meant.
     pub(crate) fn only(self, known: &[&str]) -> Result<Self, ConfigError> {
+        self.check_only(known).map(|()| self)
+    }
+
+    /// The same, for a table whose keys depend on one of them.
+    pub(crate) fn check_only(&self, known: &[&str]) -> Result<(), ConfigError> {
         // The first in the order of the text, which is the order of reading.
         let keys = self.table.iter().map(|(key, _)| key);
         let unknown = keys.filter(|key| !known.contains(&key.get_ref().as_ref()));
         let first = unknown.min_by_key(|key| key.span().start);
-        let Some(key) = first else { return Ok(self) };
+        let Some(key) = first else { return Ok(()) };
         let name = key.get_ref().as_ref();
         let advice = match nearest(name, known) {
             Some(meant) => format!("unknown key; did you mean {meant}?"),

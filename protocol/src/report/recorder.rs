@@ -306,6 +306,7 @@ impl Recorder {
                 .map(|node| node.missed_deadlines)
                 .sum(),
             changes: self.changes.report(),
+            trackers: Vec::new(),
             nodes: nodes.collect(),
             errors: self.errors.clone(),
             series: self.series.finish(),

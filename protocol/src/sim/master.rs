@@ -7,6 +7,7 @@ use crate::camera::Pose;
 use crate::clock::ClockSample;
 use crate::membership::Seat;
 use crate::message::View;
+use crate::wall::{Head, Viewers};
 
 impl VirtualWall {
     pub(super) fn master(&mut self, node: NodeId, process: u32, what: What) {
@@ -119,7 +120,11 @@ impl VirtualWall {
                         up: [0.0, 0.0, 1.0],
                         back: [1.0, 0.0, 0.0],
                     },
-                    heads_m: vec![[0.0, 1.7, 3.0]],
+                    wall_revision: 0,
+                    viewers: Viewers {
+                        heads: vec![Head::upright([0.0, 1.7, 3.0])],
+                        pixels_per_radian: 1000.0,
+                    },
                     settle: false,
                     previous_swap,
                 });

@@ -6,19 +6,19 @@ use std::collections::HashSet;
 use glam::DVec3;
 
 use super::{
-    MAX_CHANNELS, MAX_HOSTS, MAX_OBSERVERS, MAX_OUTPUTS, MAX_SCREENS, MAX_SIZE_PX, Output, Screen,
-    Wall,
+    MAX_HOSTS, MAX_OBSERVERS, MAX_OUTPUTS, MAX_SCREENS, MAX_SIZE_PX, MAX_TRACKERS, Observer,
+    Tracker, TrackerSource, Wall,
 };
 use crate::config::{Fault, Problem};
 
-/// How far corners may be off a rectangle, in metres.
-const RECTANGLE_TOLERANCE_M: f64 = 0.001;
-/// How far from a screen's plane a head must be, in metres.
-const NEAREST_HEAD_M: f64 = 0.01;
+/// How far apart eyes may be, in metres.
+const MOST_SEPARATION_M: f64 = 0.2;
+/// How far a tracker's axes may be off unit vectors at right angles.
+const AXES_TOLERANCE: f64 = 1e-3;
+/// Longest path of a file in bytes.
+const MAX_PATH_BYTES: usize = 4096;
 /// How far anything may be from the room's origin, in metres.
 const ROOM_M: f64 = 1000.0;
-/// How much pixels may be off square.
-const PIXEL_ASPECT_TOLERANCE: f64 = 0.02;
 /// Longest name in bytes.
 const MAX_NAME_BYTES: usize = 64;
 /// Largest cache budget: one exbibyte keeps byte counts within 64 bits.
@@ -40,8 +40,21 @@ impl Wall {
         check_names("observers", self.observers.iter().map(|o| o.name.as_str()))?;
         check_names("screens", self.screens.iter().map(|s| s.name.as_str()))?;
         check_names("hosts", self.hosts.iter().map(|h| h.name.as_str()))?;
+        if self.trackers.len() > MAX_TRACKERS {
+            return Err(out_of_range(
+                "trackers",
+                format!(
+                    "there are {}; write at most {MAX_TRACKERS}",
+                    self.trackers.len()
+                ),
+            ));
+        }
+        check_names("trackers", self.trackers.iter().map(|t| t.name.as_str()))?;
+        for (index, tracker) in self.trackers.iter().enumerate() {
+            check_tracker(&format!("trackers[{index}]"), tracker)?;
+        }
         for (index, observer) in self.observers.iter().enumerate() {
-            check_point(&format!("observers[{index}].head_m"), observer.head_m)?;
+            self.check_observer(&format!("observers[{index}]"), observer)?;
         }
         for (index, screen) in self.screens.iter().enumerate() {
             self.check_screen(&format!("screens[{index}]"), screen)?;
@@ -65,144 +78,106 @@ impl Wall {
         }
     }
 
-    fn check_screen(&self, key: &str, screen: &Screen) -> Result<(), Problem> {
-        let Some(observer) = self.observers.get(screen.observer) else {
-            let advice = "there is no such observer";
-            return Err(Problem::new(Fault::Name, format!("{key}.observer"), advice));
-        };
-        check_size(&format!("{key}.size_px"), screen.size_px)?;
-        let corners_key = format!("{key}.corners_m");
-        let corners = screen.corners_m;
-        for (name, corner) in [
-            ("bottom_left", corners.bottom_left),
-            ("bottom_right", corners.bottom_right),
-            ("top_left", corners.top_left),
-        ] {
-            check_point(&format!("{corners_key}.{name}"), corner)?;
-        }
-        let bottom_left = DVec3::from(corners.bottom_left);
-        let right = DVec3::from(corners.bottom_right) - bottom_left;
-        let up = DVec3::from(corners.top_left) - bottom_left;
-        let (width_m, height_m) = (right.length(), up.length());
-        let geometry =
-            |advice: String| Err(Problem::new(Fault::Geometry, corners_key.clone(), advice));
-        if width_m.min(height_m) < RECTANGLE_TOLERANCE_M {
-            return geometry(format!(
-                "the screen is {width_m} m wide and {height_m} m high, so it has no area; write three different corners"
+    fn check_observer(&self, key: &str, observer: &Observer) -> Result<(), Problem> {
+        check_point(&format!("{key}.head_m"), observer.head_m)?;
+        check_angles(&format!("{key}.looks_deg"), &observer.looks_deg)?;
+        if !(0.0..=MOST_SEPARATION_M).contains(&observer.eye_separation_m) {
+            return Err(out_of_range(
+                &format!("{key}.eye_separation_m"),
+                format!("write metres within 0…{MOST_SEPARATION_M}, for example 0.063"),
             ));
         }
-        // How far the shorter edge's end lies beside the corner of a rectangle.
-        let aside_m = right.dot(up).abs() / width_m.max(height_m);
-        if aside_m > RECTANGLE_TOLERANCE_M {
-            return geometry(format!(
-                "the corners do not form a rectangle: the lower and the left edge are off a right angle by {:.1} mm, at most 1 mm is allowed; measure them again",
-                aside_m * 1000.0
-            ));
-        }
-        let back = right.cross(up).normalize();
-        let distance_m = (DVec3::from(observer.head_m) - bottom_left).dot(back);
-        if distance_m < -NEAREST_HEAD_M {
-            return geometry(format!(
-                "the head of observer \"{}\" is {:.3} m behind the screen; name the corners as that observer sees them (exchange left and right), or move head_m",
-                observer.name, -distance_m
-            ));
-        }
-        if distance_m < NEAREST_HEAD_M {
-            return geometry(format!(
-                "the head of observer \"{}\" is in the plane of the screen; move head_m at least {NEAREST_HEAD_M} m in front of it",
-                observer.name
-            ));
-        }
-        let [across, along] = [
-            f64::from(screen.size_px[0]) / width_m,
-            f64::from(screen.size_px[1]) / height_m,
-        ];
-        if (across / along - 1.0).abs() > PIXEL_ASPECT_TOLERANCE {
-            let height_px = (across * height_m).round();
-            return Err(Problem::new(
-                Fault::Geometry,
-                format!("{key}.size_px"),
-                format!(
-                    "pixels are not square: {across:.1} a metre across, {along:.1} a metre up, at most 2 % apart is allowed; for {width_m:.3} m × {height_m:.3} m write size_px = [{}, {height_px}], or correct corners_m",
-                    screen.size_px[0]
-                ),
-            ));
-        }
-        Ok(())
-    }
-
-    fn check_output(&self, key: &str, output: &Output) -> Result<(), Problem> {
-        check_size(&format!("{key}.size_px"), output.size_px)?;
-        check_count(
-            &format!("{key}.channels"),
-            output.channels.len(),
-            MAX_CHANNELS,
-        )?;
-        let [width, height] = output.size_px;
-        for (index, channel) in output.channels.iter().enumerate() {
-            let key = format!("{key}.channels[{index}]");
-            let Some(screen) = self.screens.get(channel.screen) else {
-                let advice = "there is no such screen";
-                return Err(Problem::new(Fault::Name, format!("{key}.screen"), advice));
-            };
-            let canvas = channel.canvas_px;
-            let [canvas_width, canvas_height] = screen.size_px;
-            let fits = canvas.width > 0
-                && canvas.height > 0
-                && canvas.right() <= canvas_width
-                && canvas.bottom() <= canvas_height;
-            if !fits {
-                return Err(out_of_range(
-                    &format!("{key}.canvas_px"),
-                    format!(
-                        "this rectangle (x, y, width, height) is empty or leaves the canvas of screen \"{}\", which is {canvas_width}×{canvas_height}",
-                        screen.name
-                    ),
-                ));
-            }
-            let shown = output_rect(channel);
-            if shown.right() > width || shown.bottom() > height {
-                return Err(out_of_range(
-                    &format!("{key}.output_px"),
-                    format!(
-                        "{}×{} pixels from here leave the output, which is {width}×{height}",
-                        canvas.width, canvas.height
-                    ),
-                ));
-            }
-            let before = output.channels.iter().take(index);
-            if let Some(other) = before
-                .map(output_rect)
-                .position(|rect| rect.overlaps(&shown))
-            {
-                return Err(Problem::new(
-                    Fault::Geometry,
-                    format!("{key}.output_px"),
-                    format!(
-                        "this channel covers a part of channel {other} of the same output; move one of them"
-                    ),
-                ));
-            }
+        if observer
+            .tracker
+            .is_some_and(|tracker| tracker >= self.trackers.len())
+        {
+            let advice = "there is no such tracker";
+            return Err(Problem::new(Fault::Name, format!("{key}.tracker"), advice));
         }
         Ok(())
     }
 }
 
-/// What a channel covers of its output.
-fn output_rect(channel: &super::Channel) -> super::Rect {
-    let [x, y] = channel.output_px;
-    super::Rect {
-        x,
-        y,
-        ..channel.canvas_px
+fn check_tracker(key: &str, tracker: &Tracker) -> Result<(), Problem> {
+    let source = format!("{key}.source");
+    match &tracker.source {
+        TrackerSource::Vrpn { device, host, .. } => {
+            check_name(&source, device)?;
+            check_file(&source, host)?;
+        }
+        TrackerSource::Dtrack { listen } => {
+            if listen.parse::<std::net::SocketAddr>().is_err() {
+                return Err(out_of_range(
+                    &source,
+                    "write an address and a port of this machine, for example \"0.0.0.0:5000\"",
+                ));
+            }
+        }
+    }
+    check_point(&format!("{key}.to_room.origin_m"), tracker.to_room.origin_m)?;
+    let [x, y, z] = [tracker.to_room.x, tracker.to_room.y, tracker.to_room.z].map(DVec3::from);
+    let off = [
+        x.length_squared() - 1.0,
+        y.length_squared() - 1.0,
+        x.dot(y),
+        // Of the wrong sign for left-handed axes.
+        (x.cross(y) - z).length(),
+    ];
+    if !off.iter().all(|off| off.abs() <= AXES_TOLERANCE) {
+        return Err(Problem::new(
+            Fault::Geometry,
+            format!("{key}.to_room"),
+            "x, y and z must be unit vectors at right angles, right-handed: z = x × y; write the directions of the tracker's axes in the room",
+        ));
+    }
+    check_point(&format!("{key}.to_head.offset_m"), tracker.to_head.offset_m)?;
+    check_angles(
+        &format!("{key}.to_head.looks_deg"),
+        &tracker.to_head.looks_deg,
+    )?;
+    let ranges = [
+        (
+            "unit_m",
+            tracker.unit_m,
+            1e-6..=1e3,
+            "metres in a unit of the tracker, for example 0.001",
+        ),
+        (
+            "smoothing.minimum_cutoff_hz",
+            tracker.smoothing.minimum_cutoff_hz,
+            1e-3..=1e3,
+            "hertz, for example 1.0",
+        ),
+        (
+            "smoothing.speed_coefficient",
+            tracker.smoothing.speed_coefficient,
+            0.0..=1e3,
+            "a number from 0 on, for example 10.0",
+        ),
+        (
+            "latency_ms",
+            tracker.latency_ms,
+            0.0..=1e3,
+            "milliseconds within 0…1000",
+        ),
+    ];
+    match ranges
+        .iter()
+        .find(|(_, value, range, _)| !range.contains(value))
+    {
+        Some((name, _, _, advice)) => Err(out_of_range(
+            &format!("{key}.{name}"),
+            format!("write {advice}"),
+        )),
+        None => Ok(()),
     }
 }
 
-fn out_of_range(key: &str, advice: impl Into<String>) -> Problem {
+pub(super) fn out_of_range(key: &str, advice: impl Into<String>) -> Problem {
     Problem::new(Fault::OutOfRange, key, advice)
 }
 
-fn check_count(key: &str, count: usize, most: usize) -> Result<(), Problem> {
+pub(super) fn check_count(key: &str, count: usize, most: usize) -> Result<(), Problem> {
     if (1..=most).contains(&count) {
         return Ok(());
     }
@@ -212,7 +187,7 @@ fn check_count(key: &str, count: usize, most: usize) -> Result<(), Problem> {
     ))
 }
 
-fn check_size(key: &str, size_px: [u32; 2]) -> Result<(), Problem> {
+pub(super) fn check_size(key: &str, size_px: [u32; 2]) -> Result<(), Problem> {
     if size_px.iter().all(|side| (1..=MAX_SIZE_PX).contains(side)) {
         return Ok(());
     }
@@ -222,7 +197,7 @@ fn check_size(key: &str, size_px: [u32; 2]) -> Result<(), Problem> {
     ))
 }
 
-fn check_point(key: &str, point_m: [f64; 3]) -> Result<(), Problem> {
+pub(super) fn check_point(key: &str, point_m: [f64; 3]) -> Result<(), Problem> {
     if point_m
         .iter()
         .all(|component| component.is_finite() && component.abs() <= ROOM_M)
@@ -237,7 +212,27 @@ fn check_point(key: &str, point_m: [f64; 3]) -> Result<(), Problem> {
     ))
 }
 
-fn check_name(key: &str, name: &str) -> Result<(), Problem> {
+/// Checks degrees.
+pub(super) fn check_angles(key: &str, angles_deg: &[f64]) -> Result<(), Problem> {
+    if angles_deg.iter().all(|angle| angle.abs() <= 360.0) {
+        return Ok(());
+    }
+    Err(out_of_range(key, "write degrees, each within −360…360"))
+}
+
+/// Checks the path of a file, or the name of a host.
+pub(super) fn check_file(key: &str, path: &str) -> Result<(), Problem> {
+    let usable = !path.trim().is_empty()
+        && path.len() <= MAX_PATH_BYTES
+        && !path.chars().any(char::is_control);
+    if usable {
+        return Ok(());
+    }
+    let advice = format!("write 1…{MAX_PATH_BYTES} bytes without control characters");
+    Err(Problem::new(Fault::Name, key, advice))
+}
+
+pub(super) fn check_name(key: &str, name: &str) -> Result<(), Problem> {
     let usable = !name.trim().is_empty()
         && name.len() <= MAX_NAME_BYTES
         && !name.chars().any(char::is_control);

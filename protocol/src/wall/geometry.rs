@@ -1,10 +1,14 @@
 //! Where the pixels of a wall are: screens as seen from a head, pixel density, and which output shows
 //! which part of a canvas. In: a validated wall, heads in room metres. Out: room vectors and rectangles.
-//! Only the four basic operations and square roots, so that all machines compute the same bits.
+//! For planar screens only the four basic operations and square roots, so that all machines compute the same bits.
 
 use glam::DVec3;
+use screens::Shape;
 
-use super::{Rect, Screen, Wall};
+use super::{
+    Channel, CylinderCanvas, Eye, Head, Output, PlanarCorners, Rect, Screen, ScreenShape,
+    SphereCanvas, Stereo, Viewers, Wall,
+};
 
 /// A screen as seen from a head: what an off-axis frustum is made of. All vectors in room axes.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -61,20 +65,20 @@ impl EyeToScreen {
     }
 }
 
-impl Screen {
-    /// The screen from a head in room metres. `None` for a head on or behind the screen's plane, which
-    /// a tracker can report: such a head sees no picture.
+impl PlanarCorners {
+    /// The screen from an eye in room metres. `None` for an eye on or behind the screen's plane, which
+    /// a tracker can report: such an eye sees no picture.
     #[must_use]
-    pub fn eye_to_screen(&self, head_m: [f64; 3]) -> Option<EyeToScreen> {
-        let bottom_left = DVec3::from(self.corners_m.bottom_left);
-        let along_width = DVec3::from(self.corners_m.bottom_right) - bottom_left;
-        let along_height = DVec3::from(self.corners_m.top_left) - bottom_left;
+    pub fn eye_to_screen(&self, eye_m: [f64; 3]) -> Option<EyeToScreen> {
+        let bottom_left = DVec3::from(self.bottom_left);
+        let along_width = DVec3::from(self.bottom_right) - bottom_left;
+        let along_height = DVec3::from(self.top_left) - bottom_left;
         let (width_m, height_m) = (along_width.length(), along_height.length());
         let right = along_width / width_m;
         // The corners may be off a rectangle by a millimetre; the frustum must not be.
         let back = right.cross(along_height / height_m).normalize();
         let up = back.cross(right);
-        let lower_left = bottom_left - DVec3::from(head_m);
+        let lower_left = bottom_left - DVec3::from(eye_m);
         let distance_m = -lower_left.dot(back);
         (distance_m > 0.0 && distance_m.is_finite()).then(|| EyeToScreen {
             lower_left_m: lower_left.to_array(),
@@ -87,12 +91,102 @@ impl Screen {
         })
     }
 
-    /// Pixels per radian of view from a head. At distance ρ from the foot of the perpendicular of
-    /// length d, a radian covers (d² + ρ²)/d metres in radial direction and √(d² + ρ²) across: least at
-    /// the foot, and convex, so most at a corner. `None` for a head on or behind the screen's plane.
+    /// As `screens` knows it.
     #[must_use]
-    pub fn pixels_per_radian(&self, head_m: [f64; 3]) -> Option<PixelDensity> {
-        let seen = self.eye_to_screen(head_m)?;
+    pub fn surface(&self) -> screens::Planar {
+        screens::Planar {
+            bottom_left_m: DVec3::from(self.bottom_left),
+            bottom_right_m: DVec3::from(self.bottom_right),
+            top_left_m: DVec3::from(self.top_left),
+        }
+    }
+}
+
+impl ScreenShape {
+    /// The corners of a planar screen.
+    #[must_use]
+    pub fn planar(&self) -> Option<&PlanarCorners> {
+        match self {
+            Self::Planar(corners) => Some(corners),
+            _ => None,
+        }
+    }
+
+    /// The surface, unless a file says what it is.
+    #[must_use]
+    pub fn smooth(&self) -> Option<Shape> {
+        Some(match self {
+            Self::Planar(corners) => Shape::Planar(corners.surface()),
+            Self::Cylinder {
+                foot_m,
+                axis,
+                radius_m,
+                canvas,
+            } => Shape::Cylinder(screens::Cylinder {
+                foot_m: DVec3::from(*foot_m),
+                axis: DVec3::from(*axis),
+                radius_m: *radius_m,
+                mapping: match canvas {
+                    CylinderCanvas::Arc {
+                        azimuth_deg,
+                        height_m,
+                    } => screens::CylinderMapping::Arc {
+                        azimuth_deg: *azimuth_deg,
+                        height_m: *height_m,
+                    },
+                    CylinderCanvas::Chord {
+                        corners_m,
+                        aligned_from_m,
+                    } => screens::CylinderMapping::Chord {
+                        corners: corners_m.surface(),
+                        aligned_from_m: DVec3::from(*aligned_from_m),
+                    },
+                },
+            }),
+            Self::Sphere {
+                centre_m,
+                radius_m,
+                tilt_deg,
+                canvas,
+            } => Shape::Sphere(screens::Sphere {
+                centre_m: DVec3::from(*centre_m),
+                radius_m: *radius_m,
+                tilt_deg: *tilt_deg,
+                mapping: match canvas {
+                    SphereCanvas::Fisheye { field_deg } => screens::SphereMapping::Fisheye {
+                        field_deg: *field_deg,
+                    },
+                    SphereCanvas::Grid {
+                        azimuth_deg,
+                        elevation_deg,
+                    } => screens::SphereMapping::Grid {
+                        azimuth_deg: *azimuth_deg,
+                        elevation_deg: *elevation_deg,
+                    },
+                },
+            }),
+            Self::Surface { .. } => return None,
+        })
+    }
+}
+
+impl Screen {
+    /// A planar screen from an eye. `None` for other screens, and for an eye on or behind the plane.
+    #[must_use]
+    pub fn eye_to_screen(&self, eye_m: [f64; 3]) -> Option<EyeToScreen> {
+        self.shape.planar()?.eye_to_screen(eye_m)
+    }
+
+    /// Pixels per radian of view from an eye. At distance ρ from the foot of the perpendicular of
+    /// length d, a radian covers (d² + ρ²)/d metres of a plane in radial direction and √(d² + ρ²) across: least at
+    /// the foot, and convex, so most at a corner. `None` for an eye that does not see the screen, and where a file says
+    /// what the screen is.
+    #[must_use]
+    pub fn pixels_per_radian(&self, eye_m: [f64; 3]) -> Option<PixelDensity> {
+        if self.shape.planar().is_none() {
+            return of_surface(&self.shape.smooth()?, self.size_px, eye_m);
+        }
+        let seen = self.eye_to_screen(eye_m)?;
         let [width, height] = self.size_px.map(f64::from);
         let (across, along) = (width / seen.width_m, height / seen.height_m);
         let d = seen.distance_m;
@@ -107,41 +201,179 @@ impl Screen {
     }
 }
 
+fn of_surface(shape: &Shape, size_px: [u32; 2], eye_m: [f64; 3]) -> Option<PixelDensity> {
+    screens::pixel_density(shape, size_px, DVec3::from(eye_m)).map(|density| PixelDensity {
+        sparsest: density.sparsest,
+        densest: density.densest,
+    })
+}
+
+/// The surfaces of a wall's screens, with what their files say.
+#[derive(Clone, Debug)]
+pub struct Surfaces {
+    shapes: Vec<Option<Shape>>,
+}
+
+impl Surfaces {
+    /// All surfaces. `load` reads the points of a file whose unit is so many metres.
+    ///
+    /// # Errors
+    /// What `load` fails with.
+    pub fn load<E>(
+        wall: &Wall,
+        mut load: impl FnMut(&str, f64) -> Result<screens::Points, E>,
+    ) -> Result<Self, E> {
+        let mut shapes = Vec::with_capacity(wall.screens.len());
+        for screen in &wall.screens {
+            shapes.push(match (screen.shape.smooth(), &screen.shape) {
+                (None, ScreenShape::Surface { file, unit_m }) => {
+                    Some(Shape::Points(load(file, *unit_m)?))
+                }
+                (smooth, _) => smooth,
+            });
+        }
+        Ok(Self { shapes })
+    }
+
+    /// The surfaces of the same wall with other measures: points of files stay.
+    #[must_use]
+    pub fn with_measures_of(&self, wall: &Wall) -> Self {
+        let known = self.shapes.iter().cloned();
+        let shapes = wall.screens.iter().zip(known);
+        Self {
+            shapes: shapes
+                .map(|(screen, known)| screen.shape.smooth().or(known))
+                .collect(),
+        }
+    }
+
+    /// The surface of a screen, by its index into [`Wall::screens`].
+    #[must_use]
+    pub fn shape(&self, screen: usize) -> Option<&Shape> {
+        self.shapes.get(screen)?.as_ref()
+    }
+
+    /// The viewers of a wall with these heads.
+    #[must_use]
+    pub fn viewers(&self, wall: &Wall, heads: Vec<Head>) -> Viewers {
+        // Where nobody sees anything, any number will do.
+        let pixels_per_radian = self.pixels_per_radian_from(wall, &heads).max(1.0);
+        Viewers {
+            heads,
+            pixels_per_radian,
+        }
+    }
+
+    /// As [`Wall::pixels_per_radian_from`], with the screens that files describe.
+    #[must_use]
+    pub fn pixels_per_radian_from(&self, wall: &Wall, heads: &[Head]) -> f64 {
+        let of_files = wall.sights().into_iter().filter_map(|sight| {
+            let screen = wall.screens.get(sight.screen)?;
+            let shape = self.shape(sight.screen)?;
+            let eye_m = wall.eye_m(sight, heads);
+            matches!(screen.shape, ScreenShape::Surface { .. })
+                .then(|| of_surface(shape, screen.size_px, eye_m))?
+        });
+        let densest = of_files.map(|density| density.densest);
+        densest.fold(wall.pixels_per_radian_from(heads), f64::max)
+    }
+}
+
+/// A screen and an eye that it is drawn for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct Sight {
+    /// Index into [`Wall::screens`].
+    pub screen: usize,
+    /// The eye of that screen's observer.
+    pub eye: Eye,
+}
+
 impl Wall {
+    /// Every screen with every eye that some output draws it for, in order.
+    #[must_use]
+    pub fn sights(&self) -> Vec<Sight> {
+        let outputs = self.hosts.iter().flat_map(|host| &host.outputs);
+        let mut sights: Vec<Sight> = outputs.flat_map(Output::sights).collect();
+        sights.sort_unstable();
+        sights.dedup();
+        sights
+    }
+
+    /// Where the eye of a sight is, in room metres: by its observer's head, resting where `heads` has none.
+    #[must_use]
+    pub fn eye_m(&self, sight: Sight, heads: &[Head]) -> [f64; 3] {
+        let observer = self
+            .screens
+            .get(sight.screen)
+            .and_then(|screen| Some((screen.observer, self.observers.get(screen.observer)?)));
+        observer.map_or([0.0; 3], |(index, observer)| {
+            heads
+                .get(index)
+                .copied()
+                .unwrap_or_else(|| observer.resting_head())
+                .eye_m(sight.eye, observer.eye_separation_m)
+        })
+    }
+
     /// The most pixels there are to a radian of view anywhere on the wall, seen from its observers.
     /// An error of one part in this many of a radian is at most one pixel on every channel.
     #[must_use]
     pub fn pixels_per_radian(&self) -> f64 {
-        self.pixels_per_radian_from(&self.heads_m())
+        self.pixels_per_radian_from(&self.heads())
     }
 
-    /// As [`Wall::pixels_per_radian`], for tracked heads in the order of the observers. Heads without a
-    /// view of their screen do not count.
+    /// As [`Wall::pixels_per_radian`], for tracked heads in the order of the observers. Eyes without a
+    /// view of their screen do not count, nor do screens that files describe: see [`Surfaces`].
     #[must_use]
-    pub fn pixels_per_radian_from(&self, heads_m: &[[f64; 3]]) -> f64 {
-        let density = |screen: &Screen| {
-            let head_m = heads_m.get(screen.observer)?;
-            Some(screen.pixels_per_radian(*head_m)?.densest)
+    pub fn pixels_per_radian_from(&self, heads: &[Head]) -> f64 {
+        let density = |sight: Sight| {
+            let eye_m = self.eye_m(sight, heads);
+            let screen = self.screens.get(sight.screen)?;
+            Some(screen.pixels_per_radian(eye_m)?.densest)
         };
-        self.screens.iter().filter_map(density).fold(0.0, f64::max)
+        let sights = self.sights().into_iter();
+        sights.filter_map(density).fold(0.0, f64::max)
     }
 
     /// Where each piece of each canvas is shown: what composes the outputs' pictures into one picture
-    /// per screen, of [`Screen::size_px`]. What no piece covers lies behind bezels.
+    /// per screen, of [`Screen::size_px`]. What no piece covers lies behind bezels, or where a calibration says.
     #[must_use]
     pub fn canvas_layout(&self) -> Vec<CanvasPiece> {
         let mut pieces = Vec::new();
         for (host_index, host) in self.hosts.iter().enumerate() {
             for (output_index, output) in host.outputs.iter().enumerate() {
-                pieces.extend(output.channels.iter().map(|channel| CanvasPiece {
-                    screen: channel.screen,
-                    host: host_index,
-                    output: output_index,
-                    canvas_px: channel.canvas_px,
-                    output_px: channel.output_px,
-                }));
+                let plain = |channel: &&Channel| channel.calibration.is_none();
+                pieces.extend(
+                    output
+                        .channels
+                        .iter()
+                        .filter(plain)
+                        .map(|channel| CanvasPiece {
+                            screen: channel.screen,
+                            host: host_index,
+                            output: output_index,
+                            canvas_px: channel.canvas_px,
+                            output_px: channel.output_px,
+                        }),
+                );
             }
         }
         pieces
+    }
+}
+
+impl Output {
+    /// The screens that it shows, and for which eyes.
+    pub fn sights(&self) -> impl Iterator<Item = Sight> {
+        let both = self.stereo != Stereo::Off;
+        self.channels.iter().flat_map(move |channel| {
+            let eyes = if both {
+                vec![Eye::Left, Eye::Right]
+            } else {
+                vec![channel.eye]
+            };
+            let screen = channel.screen;
+            eyes.into_iter().map(move |eye| Sight { screen, eye })
+        })
     }
 }
