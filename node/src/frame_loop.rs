@@ -11,6 +11,7 @@ use std::sync::Arc;
 
 use protocol::follower::{Follower, Step};
 use protocol::message::{MAX_NEW_TILES, MoveLens, Steer, Swap};
+use protocol::pattern::Pattern;
 use protocol::{Scene, ToMaster, View, Wall};
 use winit::window::Window;
 
@@ -54,7 +55,13 @@ pub(crate) struct FrameLoop {
     scenes: Scenes<Box<Scene>>,
     /// A scene whose data is being opened.
     opening: Option<(u64, Box<Scene>)>,
-    /// A view that waits for its scene.
+    /// The revision of the measures that the picture has.
+    wall_revision: u32,
+    /// Newer measures, until a view asks for them.
+    measures: Option<(u32, Arc<Wall>)>,
+    /// What outputs are to show instead of the scene, until there is a picture to show it.
+    patterns: Option<Vec<Option<Pattern>>>,
+    /// A view that waits for its scene, or for the wall's measures.
     early_view: Option<Arrived<View>>,
     follower: Follower,
     steps: VecDeque<Step>,
@@ -90,6 +97,9 @@ impl FrameLoop {
             picture: None,
             scenes: Scenes::new(),
             opening: None,
+            wall_revision: 0,
+            measures: None,
+            patterns: None,
             early_view: None,
             follower: Follower::new(60.0),
             steps: VecDeque::new(),
@@ -245,6 +255,13 @@ impl FrameLoop {
             next = self.welcome(wall, host);
         }
         self.scenes.arrived(inbox.scenes);
+        self.patterns = inbox.patterns.or(self.patterns.take());
+        if inbox.wall.is_some() {
+            self.measures = inbox.wall;
+            if let Some(view) = self.early_view.take() {
+                self.view(view);
+            }
+        }
         for Arrived { content, at_us } in inbox.swaps {
             self.swap(content, at_us);
         }
@@ -269,6 +286,9 @@ impl FrameLoop {
         self.ahead_due = None;
         self.presenting = None;
         self.early_view = None;
+        // What is agreed with one master is nothing to the next.
+        self.measures = None;
+        self.patterns = None;
         // Revisions are numbers of one run of one master.
         self.scenes = Scenes::new();
         self.opening = None;
@@ -278,10 +298,12 @@ impl FrameLoop {
     }
 
     fn welcome(&mut self, wall: Arc<Wall>, host: usize) -> Option<Next> {
-        let known = self
-            .wall
-            .as_ref()
-            .is_some_and(|(known, at)| **known == *wall && *at == host);
+        let known = self.wall_revision == 0
+            && self
+                .wall
+                .as_ref()
+                .is_some_and(|(known, at)| **known == *wall && *at == host);
+        self.wall_revision = 0;
         self.wall = Some((Arc::clone(&wall), host));
         self.forget_master();
         self.counters_due_us = link::now_us() + COUNTERS_INTERVAL_US;

@@ -4,10 +4,13 @@
 //! all other nodes of the wall. Two threads: the calling one draws and presents, the network's one listens
 //! and speaks. The node outlives its master: it keeps the last picture and looks for the next one.
 
+mod device;
 mod digests;
+mod displays;
 mod frame_loop;
 mod known_scenes;
 mod mail;
+mod patterns;
 mod picture;
 mod presentation;
 mod priority;
@@ -24,6 +27,8 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use link::Identity;
+use protocol::Wall;
+use protocol::wall::{Surfaces, Viewers};
 use winit::event_loop::{EventLoop, OwnedDisplayHandle};
 
 use digests::DigestFile;
@@ -32,6 +37,7 @@ use mail::Mail;
 use session::Session;
 
 pub use digests::DigestError;
+pub use patterns::{FoundIdentity, identity, read_identities, read_identity};
 pub use picture::{Drawn, OutputImage, Picture, PictureError, PictureMaker, PictureRequest};
 pub use render::{ErrorMeasure, PassTime, StageTiming};
 pub use renderer::WallPictureMaker;
@@ -55,6 +61,22 @@ pub struct NodeOptions {
     pub stop: Arc<dyn Fn() -> bool + Send + Sync>,
     /// Told when the node finds or loses its master, on the network's thread.
     pub status: Arc<dyn Fn(&NodeStatus) + Send + Sync>,
+}
+
+/// The surfaces of a wall's screens, with the points of the files that it names.
+///
+/// # Errors
+/// A file that cannot be read, or is not what it should be. The text names it.
+pub fn surfaces(wall: &Wall) -> Result<Surfaces, PictureError> {
+    displays::surfaces(wall)
+}
+
+/// Who looks at a wall while nothing tracks anybody.
+///
+/// # Errors
+/// As [`surfaces`].
+pub fn viewers(wall: &Wall) -> Result<Viewers, PictureError> {
+    Ok(surfaces(wall)?.viewers(wall, wall.heads()))
 }
 
 /// How a node stands with its master.

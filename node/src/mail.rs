@@ -8,6 +8,7 @@ use std::time::Duration;
 
 use protocol::clock::ClockEstimate;
 use protocol::message::Swap;
+use protocol::pattern::Pattern;
 use protocol::{Scene, ToMaster, View, Wall};
 use tokio::sync::Notify;
 
@@ -36,6 +37,10 @@ pub(crate) struct Inbox {
     pub(crate) welcome: Option<(Arc<Wall>, usize)>,
     /// Scenes that the master may still show, in the order in which they arrived.
     pub(crate) scenes: SceneQueue<Box<Scene>>,
+    /// The newest measures of the wall, and their revision.
+    pub(crate) wall: Option<(u32, Arc<Wall>)>,
+    /// What outputs are to show instead of the scene.
+    pub(crate) patterns: Option<Vec<Option<Pattern>>>,
     /// The newest view.
     pub(crate) view: Option<Arrived<View>>,
     /// Swaps in the order in which they arrived; the network keeps the newest few.

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use protocol::message::TileCounters;
+use protocol::pattern::Pattern;
 use protocol::{Scene, View, Wall};
 use render::{ErrorMeasure, PassTime};
 use winit::window::Window;
@@ -93,6 +94,17 @@ pub trait Picture {
     /// # Errors
     /// A scene that cannot be shown; nothing changes.
     fn prepare_scene(&mut self, revision: u64, scene: &Scene) -> Result<(), PictureError>;
+
+    /// Takes other measures of the wall that the picture was made for: places of viewers and screens, blending. Sizes and
+    /// channels are the same. The next drawing is for them.
+    ///
+    /// # Errors
+    /// A wall of other outputs, a channel that lights nothing any more; the picture keeps the measures it has.
+    fn set_wall(&mut self, wall: &Wall) -> Result<(), PictureError>;
+
+    /// Shows patterns instead of the scene from the next drawing on: one for each output of the host, `None` for the
+    /// scene. What is not named shows the scene.
+    fn show_patterns(&mut self, patterns: &[Option<Pattern>]);
 
     /// Prepares and draws a view and waits for the GPU, but not for data: what is missing is shown as its
     /// best ancestor. Draws nothing if the last picture already shows the view. The view's scene is the shown

@@ -1,25 +1,28 @@
-//! The real picture: one renderer for all outputs of a host, and the surfaces of its windows.
+//! The real picture: a renderer for all outputs of a host on one adapter, and the surfaces of its windows.
 //! In: a wall, scenes, views in the words of `protocol`. Out: the same in the words of `render`. Sun and
 //! eyes are derived here with the four basic operations and square roots only, so that every node
 //! computes the same bits.
 
+use std::collections::HashMap;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use glam::{DMat3, DVec3};
+use glam::DVec3;
 use protocol::message::TileCounters;
+use protocol::pattern::Pattern;
 use protocol::scene::{LayerKind, Sun};
-use protocol::wall::{Host, Screen};
 use protocol::{Pose, Scene, View, Wall};
 use render::{
-    CacheConfig, ChannelPlan, ErrorMeasure, Gpu, OutputPlan, PassTime, PixelRect, PlanarScreen,
-    RenderBudget, RenderError, Renderer, StageTiming, TileCache, ViewPoint, WindowSurface,
+    CacheConfig, ErrorMeasure, Gpu, PassTime, RenderBudget, RenderError, StageTiming, TileCache,
     sun_over,
 };
 use winit::event_loop::OwnedDisplayHandle;
 
+use crate::device::{self, Device};
+use crate::displays::Displays;
 use crate::known_scenes::KnownScenes;
+use crate::patterns;
 use crate::picture::{
     Drawn, OutputImage, Picture, PictureError, PictureMaker, PictureRequest, comparable,
 };
@@ -31,9 +34,14 @@ const UPLOAD_SHARE: f64 = 0.25;
 
 /// Draws a host's outputs with the graphics adapter of this machine.
 pub(crate) struct WallPicture {
-    wall: Wall,
-    renderer: Renderer,
-    surfaces: Vec<WindowSurface>,
+    displays: Displays,
+    /// Index of the host in its wall.
+    host: usize,
+    largest_side_px: u32,
+    adapter: String,
+    cache: Arc<TileCache>,
+    /// One for each adapter that draws outputs of this host, at least one.
+    devices: Vec<Device>,
     scenes: KnownScenes,
     /// Where the sun of the last view stands in scenes that the camera lights.
     camera_sun: DVec3,
@@ -44,6 +52,8 @@ pub(crate) struct WallPicture {
 /// Opens this machine's graphics adapter once, and makes a picture for each wall that the node joins.
 pub struct WallPictureMaker {
     gpu: Arc<Gpu>,
+    /// Adapters that outputs have asked for, by number.
+    others: HashMap<u32, Arc<Gpu>>,
 }
 
 impl WallPictureMaker {
@@ -62,7 +72,22 @@ impl WallPictureMaker {
         };
         Ok(Self {
             gpu: Arc::new(gpu.map_err(|error| unavailable(&error))?),
+            others: HashMap::new(),
         })
+    }
+
+    /// The adapter that an output names; without a number the one that was opened first.
+    fn gpu(&mut self, number: Option<u32>) -> Result<Arc<Gpu>, PictureError> {
+        let Some(number) = number else {
+            return Ok(Arc::clone(&self.gpu));
+        };
+        if let Some(open) = self.others.get(&number) {
+            return Ok(Arc::clone(open));
+        }
+        let opened = self.gpu.open_number(number);
+        let opened = Arc::new(opened.map_err(|error| unavailable(&error))?);
+        self.others.insert(number, Arc::clone(&opened));
+        Ok(opened)
     }
 
     /// How fast each processing stage is on this adapter, and last a copy of the same bytes.
@@ -81,10 +106,7 @@ impl PictureMaker for WallPictureMaker {
     }
 
     fn make(&mut self, request: PictureRequest<'_>) -> Result<Box<dyn Picture>, PictureError> {
-        Ok(Box::new(WallPicture::open(
-            Arc::clone(&self.gpu),
-            &request,
-        )?))
+        Ok(Box::new(WallPicture::open(self, &request)?))
     }
 }
 
@@ -93,97 +115,53 @@ fn unavailable(error: &dyn std::fmt::Display) -> PictureError {
 }
 
 impl WallPicture {
-    /// Opens cache and surfaces for a host.
-    fn open(gpu: Arc<Gpu>, request: &PictureRequest<'_>) -> Result<Self, PictureError> {
-        let wall = request.wall.clone();
-        let Some(host) = wall.hosts.get(request.host) else {
-            return Err(PictureError::Unavailable(format!(
-                "the wall has no host {}",
-                request.host
-            )));
-        };
+    /// Opens cache, adapters and surfaces for a host.
+    fn open(
+        maker: &mut WallPictureMaker,
+        request: &PictureRequest<'_>,
+    ) -> Result<Self, PictureError> {
+        let wall = request.wall;
+        let (displays, plans) = Displays::open(wall, request.host, maker.gpu.largest_side_px())?;
         let threads = std::thread::available_parallelism()
             .map_or(2, usize::from)
             .clamp(2, 8);
         let cache = TileCache::open(&CacheConfig {
             ram_bytes: wall.cache.ram_mib * MIB,
             disk_bytes: wall.cache.disk_mib * MIB,
-            disk_directory: cache_directory(&wall),
+            disk_directory: cache_directory(wall),
             threads,
         })
         .map_err(|error| unavailable(&error))?;
+        let cache = Arc::new(cache);
         let budget = RenderBudget {
             gpu_bytes: wall.cache.gpu_mib * MIB,
             upload: Duration::from_secs_f64(UPLOAD_SHARE / wall.fps),
             // Who starts several nodes on a machine gives each one thread of the software driver.
             shared: std::env::var("LP_NUM_THREADS").is_ok_and(|threads| threads == "1"),
         };
-        let plans = output_plans(host);
-        let renderer = Renderer::new(gpu, Arc::new(cache), &plans, budget)
-            .map_err(|error| unavailable(&error))?;
-        let mut surfaces = Vec::new();
-        for (index, window) in request.windows.iter().enumerate() {
-            if let (Some(window), Some(plan)) = (window, plans.get(index)) {
-                let size = window.inner_size();
-                let size = [size.width, size.height];
-                let surface =
-                    WindowSurface::new(&renderer, Arc::clone(window), index, &plan.name, size);
-                surfaces.push(surface.map_err(|error| unavailable(&error))?);
-            }
+        let outputs = wall.hosts.get(request.host).map(|host| &host.outputs);
+        let gpus: Vec<Option<u32>> = outputs
+            .into_iter()
+            .flatten()
+            .map(|output| output.gpu)
+            .collect();
+        let mut devices = Vec::new();
+        for (number, outputs) in device::by_adapter(&gpus) {
+            let gpu = maker.gpu(number)?;
+            let device = Device::open(gpu, &cache, &plans, &request.windows, outputs, budget);
+            devices.push(device.map_err(|error| unavailable(&error))?);
         }
         Ok(Self {
-            wall,
-            renderer,
-            surfaces,
+            displays,
+            host: request.host,
+            largest_side_px: maker.gpu.largest_side_px(),
+            adapter: maker.gpu.name(),
+            cache,
+            devices,
             scenes: KnownScenes::default(),
             camera_sun: DVec3::X,
             elevation: Vec::new(),
         })
-    }
-
-    fn view_point(&self, view: &View) -> ViewPoint {
-        let pose = &view.pose;
-        let room = DMat3::from_cols(
-            DVec3::from(pose.right),
-            DVec3::from(pose.up),
-            DVec3::from(pose.back),
-        );
-        let position = DVec3::from(pose.position_m);
-        // The pose is that of the first observer's resting head; every head moves relative to it.
-        let rest = self
-            .wall
-            .observers
-            .first()
-            .map_or(DVec3::ZERO, |first| DVec3::from(first.head_m));
-        let head = |screen: &Screen| {
-            let resting = self
-                .wall
-                .observers
-                .get(screen.observer)
-                .map_or([0.0; 3], |o| o.head_m);
-            DVec3::from(
-                view.heads_m
-                    .get(screen.observer)
-                    .copied()
-                    .unwrap_or(resting),
-            )
-        };
-        ViewPoint {
-            eyes: self
-                .wall
-                .screens
-                .iter()
-                .map(|s| position + room * (head(s) - rest))
-                .collect(),
-            room,
-            screens: self
-                .wall
-                .screens
-                .iter()
-                .map(|s| planar(s, head(s).to_array()))
-                .collect(),
-            pixels_per_radian: self.wall.pixels_per_radian_from(&view.heads_m),
-        }
     }
 }
 
@@ -200,51 +178,6 @@ fn cache_directory(wall: &Wall) -> Option<PathBuf> {
     };
     let named = wall.cache.directory.as_ref().map(PathBuf::from);
     named.or_else(|| of_user().map(|caches| caches.join("terrawall")))
-}
-
-fn output_plans(host: &Host) -> Vec<OutputPlan> {
-    let outputs = host.outputs.iter();
-    outputs
-        .map(|output| OutputPlan {
-            name: output.name.clone(),
-            size_px: output.size_px,
-            channels: output
-                .channels
-                .iter()
-                .map(|channel| ChannelPlan {
-                    screen: channel.screen,
-                    canvas_px: PixelRect {
-                        x: channel.canvas_px.x,
-                        y: channel.canvas_px.y,
-                        width: channel.canvas_px.width,
-                        height: channel.canvas_px.height,
-                    },
-                    output_px: channel.output_px,
-                })
-                .collect(),
-        })
-        .collect()
-}
-
-/// The screen from a head. A head behind the screen, which only a tracker can report, sees a screen of
-/// no size: nothing is drawn for it.
-fn planar(screen: &Screen, head_m: [f64; 3]) -> PlanarScreen {
-    screen.eye_to_screen(head_m).map_or(
-        PlanarScreen {
-            lower_left_m: DVec3::NEG_Z,
-            right: DVec3::X,
-            up: DVec3::Y,
-            size_m: [1.0, 1.0],
-            size_px: [0, 0],
-        },
-        |seen| PlanarScreen {
-            lower_left_m: DVec3::from(seen.lower_left_m),
-            right: DVec3::from(seen.right),
-            up: DVec3::from(seen.up),
-            size_m: [seen.width_m, seen.height_m],
-            size_px: screen.size_px,
-        },
-    )
 }
 
 /// Over the viewer's left shoulder.
@@ -269,8 +202,11 @@ fn frame_error(error: &RenderError) -> PictureError {
 
 impl Picture for WallPicture {
     fn open_ahead(&mut self, scene: &Scene) -> bool {
-        self.renderer
-            .open_ahead(&scene_data(scene, self.camera_sun))
+        let data = scene_data(scene, self.camera_sun);
+        // All of them: each is to begin.
+        let open = self.devices.iter_mut();
+        let open = open.map(|device| device.renderer.open_ahead(&data));
+        open.fold(true, |all, open| all & open)
     }
 
     fn prepare_scene(&mut self, revision: u64, scene: &Scene) -> Result<(), PictureError> {
@@ -283,12 +219,43 @@ impl Picture for WallPicture {
             Sun::Camera => self.camera_sun,
         };
         let data = scene_data(scene, direction);
-        self.renderer
-            .prepare_scene(self.scenes.next_number(), data)
-            .map_err(|error| PictureError::Scene(error.to_string()))?;
+        let number = self.scenes.next_number();
+        for device in &mut self.devices {
+            device
+                .renderer
+                .prepare_scene(number, data.clone())
+                .map_err(|error| PictureError::Scene(error.to_string()))?;
+        }
         self.scenes.taken(revision, sun);
         self.elevation = elevation_of(scene);
         Ok(())
+    }
+
+    fn set_wall(&mut self, wall: &Wall) -> Result<(), PictureError> {
+        let (displays, plans) = Displays::open(wall, self.host, self.largest_side_px)
+            .map_err(|error| PictureError::Frame(error.to_string()))?;
+        for device in &mut self.devices {
+            device
+                .replace_plans(&plans)
+                .map_err(|error| frame_error(&error))?;
+        }
+        self.displays = displays;
+        Ok(())
+    }
+
+    fn show_patterns(&mut self, patterns: &[Option<Pattern>]) {
+        let abouts = self.displays.about(self.host, &self.adapter);
+        for (output, about) in abouts.iter().enumerate() {
+            let pattern = patterns.get(output).copied().flatten();
+            let picture = pattern.map(|pattern| render::Picture {
+                width: about.size_px[0],
+                height: about.size_px[1],
+                rgba: patterns::draw(pattern, about),
+            });
+            for device in &mut self.devices {
+                device.show_instead(output, picture.clone());
+            }
+        }
     }
 
     fn draw(&mut self, view: &View) -> Result<Drawn, PictureError> {
@@ -298,104 +265,107 @@ impl Picture for WallPicture {
                 view.frame, view.scene_revision
             )));
         };
-        let view_point = self.view_point(view);
-        // First: the sun is the shown scene's, and this view's on every node.
-        self.renderer
-            .show(known.number)
-            .map_err(|error| frame_error(&error))?;
+        let view_point = self.displays.view_point(view);
         self.camera_sun = sun_of_camera(&view.pose);
-        if known.sun == Sun::Camera {
-            self.renderer.set_sun(self.camera_sun);
+        let sun = (known.sun == Sun::Camera).then_some(self.camera_sun);
+        let mut frames = Vec::with_capacity(self.devices.len());
+        for device in &mut self.devices {
+            let drawn = device.draw(&view_point, known.number, sun);
+            frames.push(drawn.map_err(|error| frame_error(&error))?);
         }
-        let statistics = self
-            .renderer
-            .draw_shown(&view_point, known.number)
-            .map_err(|error| frame_error(&error))?;
+        let statistics = device::together(&frames);
         self.scenes.drawn(known);
-        if statistics.redrawn {
-            for surface in &mut self.surfaces {
-                surface
-                    .prepare(self.renderer.gpu())
-                    .map_err(|error| frame_error(&error))?;
-            }
-        }
         Ok(Drawn {
             redrawn: statistics.redrawn,
             converged: statistics.converged,
             pending_tiles: statistics.pending_tiles,
             triangles: statistics.triangles,
-            refined_leaves: if statistics.redrawn {
-                statistics.refined_leaves
-            } else {
-                0
-            },
+            refined_leaves: statistics.refined_leaves,
             achieved_tau_px: statistics.achieved_tau_px,
         })
     }
 
     fn prepare_ahead(&mut self, at_most: Duration) -> Result<Option<u64>, PictureError> {
-        let statistics = self
-            .renderer
-            .prepare_ahead(Instant::now() + at_most)
-            .map_err(|error| frame_error(&error))?;
-        Ok(self.scenes.preparing(statistics.prepared))
+        let until = Instant::now() + at_most;
+        let mut prepared = None;
+        for (index, device) in self.devices.iter_mut().enumerate() {
+            let statistics = device
+                .renderer
+                .prepare_ahead(until)
+                .map_err(|error| frame_error(&error))?;
+            // Prepared is what all have prepared.
+            prepared = match index {
+                0 => statistics.prepared,
+                _ => prepared.filter(|number| statistics.prepared == Some(*number)),
+            };
+        }
+        Ok(self.scenes.preparing(prepared))
     }
 
     fn ground_under(&self, output: usize, pixel: [f64; 2]) -> Option<[f64; 2]> {
-        self.renderer.ground_under(output, pixel)
+        let mut devices = self.devices.iter();
+        devices.find_map(|device| device.ground_under(output, pixel))
     }
 
     fn present(&mut self) -> Result<(), PictureError> {
-        for surface in &mut self.surfaces {
-            surface.present(self.renderer.gpu());
+        for device in &mut self.devices {
+            device.present();
         }
         Ok(())
     }
 
     fn capture(&mut self) -> Result<Vec<OutputImage>, PictureError> {
-        let pictures = self
-            .renderer
-            .read_pictures()
-            .map_err(|error| frame_error(&error))?;
-        let images = pictures.into_iter().map(|(output, picture)| OutputImage {
-            output,
-            width: picture.width,
-            height: picture.height,
-            rgba: picture.rgba,
-        });
-        Ok(images.collect())
+        let mut images = Vec::new();
+        for device in &self.devices {
+            images.extend(device.pictures().map_err(|error| frame_error(&error))?);
+        }
+        images.sort_by_key(|(output, _)| *output);
+        Ok(images.into_iter().map(|(_, image)| image).collect())
     }
 
     fn measure_error(&mut self) -> Result<ErrorMeasure, PictureError> {
-        let measure = self
-            .renderer
-            .measure_error()
-            .map_err(|error| frame_error(&error))?;
-        comparable(measure)
+        let mut measures = Vec::with_capacity(self.devices.len());
+        for device in &mut self.devices {
+            let measured = device.renderer.measure_error();
+            measures.push(measured.map_err(|error| frame_error(&error))?);
+        }
+        comparable(device::worst(&measures))
     }
 
     fn minimum_triangles(&mut self) -> Result<u64, PictureError> {
-        self.renderer
-            .minimum_triangles()
-            .map_err(|error| frame_error(&error))
+        let mut sum = 0;
+        for device in &mut self.devices {
+            let minimum = device.renderer.minimum_triangles();
+            sum += minimum.map_err(|error| frame_error(&error))?;
+        }
+        Ok(sum)
     }
 
     fn time_passes(&mut self, on: bool) {
-        self.renderer.time_passes(on);
+        for device in &mut self.devices {
+            device.renderer.time_passes(on);
+        }
     }
 
     fn take_pass_times(&mut self) -> Vec<PassTime> {
-        self.renderer.take_pass_times()
+        let devices = self.devices.iter_mut();
+        devices
+            .flat_map(|device| device.renderer.take_pass_times())
+            .collect()
     }
 
     fn ground_height_m(&self, latitude_deg: f64, longitude_deg: f64) -> Result<f64, PictureError> {
-        self.renderer
+        let Some(device) = self.devices.first() else {
+            return Err(PictureError::Frame("the host has no output".to_owned()));
+        };
+        device
+            .renderer
             .ground_height_m(latitude_deg, longitude_deg)
             .map_err(|error| frame_error(&error))
     }
 
     fn finest_tiles(&self, most: usize) -> Result<Vec<u64>, PictureError> {
-        let cache = self.renderer.cache();
+        let cache = &self.cache;
         let mut finest = Vec::new();
         for repository in &self.elevation {
             let id = cache
@@ -415,7 +385,7 @@ impl Picture for WallPicture {
     }
 
     fn counters(&self) -> TileCounters {
-        let counters = self.renderer.cache().counters();
+        let counters = self.cache.counters();
         TileCounters {
             distinct: counters.distinct,
             repository_reads: counters.repository_reads,
@@ -426,6 +396,11 @@ impl Picture for WallPicture {
     }
 
     fn take_new_tiles(&mut self, most: usize) -> Vec<u64> {
-        self.renderer.take_new_tiles(most)
+        let mut tiles = Vec::new();
+        for device in &mut self.devices {
+            let left = most.saturating_sub(tiles.len());
+            tiles.extend(device.renderer.take_new_tiles(left));
+        }
+        tiles
     }
 }

@@ -440,6 +440,13 @@ impl Session {
                 }
             }
             ToNode::Capture { id } => self.mail.deliver(|inbox| inbox.capture = Some(id)),
+            ToNode::Wall { revision, wall } => {
+                let measured = (revision, Arc::new(*wall));
+                self.mail.deliver(|inbox| inbox.wall = Some(measured));
+            }
+            ToNode::Patterns(patterns) => {
+                self.mail.deliver(|inbox| inbox.patterns = Some(patterns));
+            }
             ToNode::MeasureError => self.mail.deliver(|inbox| inbox.measure_error = true),
             ToNode::Shutdown => self.mail.deliver(|inbox| inbox.leave = true),
             ToNode::Challenge { .. } => {

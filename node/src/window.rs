@@ -13,6 +13,7 @@ use winit::dpi::{PhysicalPosition, PhysicalSize};
 use winit::event::{ElementState, MouseScrollDelta, WindowEvent};
 use winit::event_loop::{ActiveEventLoop, ControlFlow, EventLoop};
 use winit::keyboard::PhysicalKey;
+use winit::monitor::MonitorHandle;
 use winit::window::{Fullscreen, Window, WindowId};
 
 use crate::frame_loop::{FrameLoop, Next};
@@ -169,22 +170,55 @@ impl ApplicationHandler<Wake> for Application {
 }
 
 /// The window of an output, `None` if it has no place on the desktop.
-fn open_window(
-    event_loop: &ActiveEventLoop,
-    output: &Output,
-) -> Option<Result<Window, winit::error::OsError>> {
+fn open_window(event_loop: &ActiveEventLoop, output: &Output) -> Option<Result<Window, String>> {
     let placement = output.window?;
+    let monitor = match placement.monitor {
+        None => None,
+        Some(number) => match event_loop.available_monitors().nth(number as usize) {
+            Some(monitor) => Some(monitor),
+            None => return Some(Err(no_monitor(event_loop, number))),
+        },
+    };
+    let corner = monitor
+        .as_ref()
+        .map_or(PhysicalPosition::new(0, 0), MonitorHandle::position);
     let [x, y] = placement.position_px;
     let [width, height] = output.size_px;
     // Size and place are set in any case: without a window manager nobody makes a window fullscreen.
     let mut attributes = Window::default_attributes()
         .with_title(format!("Terrawall: {}", output.name))
         .with_inner_size(PhysicalSize::new(width, height))
-        .with_position(PhysicalPosition::new(x, y))
+        .with_position(PhysicalPosition::new(
+            corner.x.saturating_add(x),
+            corner.y.saturating_add(y),
+        ))
         .with_resizable(false)
         .with_decorations(false);
     if placement.fullscreen {
-        attributes = attributes.with_fullscreen(Some(Fullscreen::Borderless(None)));
+        attributes = attributes.with_fullscreen(Some(Fullscreen::Borderless(monitor)));
     }
-    Some(event_loop.create_window(attributes))
+    let window = event_loop.create_window(attributes);
+    Some(window.map_err(|error| error.to_string()).inspect(|window| {
+        window.set_cursor_visible(placement.pointer);
+    }))
+}
+
+/// What to say of a monitor that is not there.
+fn no_monitor(event_loop: &ActiveEventLoop, number: u32) -> String {
+    let there: Vec<String> = event_loop
+        .available_monitors()
+        .enumerate()
+        .map(|(number, monitor)| {
+            let (name, size, at) = (monitor.name(), monitor.size(), monitor.position());
+            let name = name.unwrap_or_else(|| "without a name".to_owned());
+            format!(
+                "{number} ({name}, {}×{} at {}, {})",
+                size.width, size.height, at.x, at.y
+            )
+        })
+        .collect();
+    format!(
+        "there is no monitor {number}; write one of {} as window.monitor, or leave it out",
+        there.join(", ")
+    )
 }

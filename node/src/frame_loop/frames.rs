@@ -73,7 +73,12 @@ impl FrameLoop {
             let sent_us = clock.node_us(content.sent_us);
             sent_us.saturating_sub(clock.error_us(*at_us))
         });
-        let verdict = self.scenes.view(content.scene_revision, sent_us);
+        let measured = self.measure(content.wall_revision);
+        let verdict = match self.scenes.view(content.scene_revision, sent_us) {
+            // The view overtook the measures of its wall.
+            Verdict::Draw if !measured => Verdict::Wait,
+            verdict => verdict,
+        };
         if verdict == Verdict::Draw {
             return self.follow(view);
         }
@@ -93,6 +98,24 @@ impl FrameLoop {
             Verdict::Never(Some(word)) => self.mail.send(Outgoing::Message(word), true),
             Verdict::Never(None) | Verdict::Draw => {}
         }
+    }
+
+    /// Gives the picture the measures of this revision, if they are there. Returns whether it has them.
+    fn measure(&mut self, revision: u32) -> bool {
+        if revision == self.wall_revision {
+            return true;
+        }
+        let Some((_, wall)) = self.measures.take_if(|(known, _)| *known == revision) else {
+            return false;
+        };
+        if let Some(picture) = &mut self.picture
+            && let Err(error) = picture.set_wall(&wall)
+        {
+            // It goes on with the measures it had.
+            self.fault(&error);
+        }
+        self.wall_revision = revision;
+        true
     }
 
     /// Passes a view on that can be drawn.
@@ -118,6 +141,9 @@ impl FrameLoop {
         };
         self.priority.lower();
         link::sleep_until_us(self.rest_until_us);
+        if let Some(patterns) = self.patterns.take() {
+            picture.show_patterns(&patterns);
+        }
         let start_us = link::now_us();
         // Where a newer view has come, the picture may have gone on to a later scene already.
         let holds = self.scenes.holds(view.scene_revision);
