@@ -14,11 +14,11 @@ use std::path::PathBuf;
 
 use clap::{Args as ArgumentGroup, Parser, Subcommand};
 
-pub(crate) use control::{Control, Set};
+pub(crate) use control::{Adjust, Control, RunningMaster, Set, ShowPattern};
 pub(crate) use import::{ByteOrder, DataKind, Import, Planet, RawType, Registration};
 pub(crate) use refine::{BenchRefine, RefineMethod};
 pub(crate) use values::{Position, Size};
-use values::{frames_per_second, seconds};
+use values::{frames_per_second, pixel_share, seconds, wall_system};
 pub(crate) use verify::Verify;
 
 /// Renders the real Earth on walls of many displays, in step.
@@ -42,12 +42,18 @@ pub(crate) enum Command {
     Master(Master),
     /// Changes the scene of a running wall, on all nodes at the same frame
     Set(Set),
+    /// Measures a running wall anew: heads, corners, tilts, gamma; and saves its file with the comments kept
+    Adjust(Adjust),
+    /// Shows a test pattern on one output of a running wall or on all of them
+    Pattern(ShowPattern),
     /// Runs one render node: the outputs of one host of the wall
     Node(Node),
     /// Builds or extends a repository of tiles from source rasters
     Import(Import),
     /// Validates a wall file, explains what is wrong or odd, and draws a plan of the room
     Check(Check),
+    /// Turns a configuration of QVR, SGCT or Equalizer into a wall file, and lists what it cannot say
+    Convert(Convert),
     /// Renders a wall tiled and as one picture, and compares the pixels; with --error, measures how far the drawn
     /// surface is from the data
     Verify(Verify),
@@ -72,6 +78,9 @@ pub(crate) struct Show {
     /// Render without windows, even where there is a display
     #[arg(long)]
     pub(crate) headless: bool,
+    /// Draw only this share of the pixels along each side, 0.01…1: to try a large wall on a small machine
+    #[arg(long, value_name = "SHARE", value_parser = pixel_share)]
+    pub(crate) pixels: Option<f64>,
     /// Stop after this many frames; without it, run until Ctrl-C
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     pub(crate) frames: Option<u64>,
@@ -169,6 +178,22 @@ pub(crate) struct Check {
     /// Print the findings as JSON on standard output
     #[arg(long)]
     pub(crate) json: bool,
+}
+
+/// `terrawall convert`
+#[derive(Debug, ArgumentGroup)]
+pub(crate) struct Convert {
+    /// Configuration of QVR (.qvr), SGCT (.json) or Equalizer (.eqc)
+    pub(crate) file: PathBuf,
+    /// The system it is of, where the ending does not tell: qvr, sgct or eqc
+    #[arg(long, value_name = "SYSTEM", value_parser = wall_system)]
+    pub(crate) format: Option<convert::Format>,
+    /// Wall file to write; without it, it goes to standard output
+    #[arg(long, value_name = "TOML")]
+    pub(crate) into: Option<PathBuf>,
+    /// Write over a file that is there
+    #[arg(long)]
+    pub(crate) overwrite: bool,
 }
 
 /// `terrawall inspect`

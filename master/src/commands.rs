@@ -1,5 +1,6 @@
 //! The commands of `terrawall`: each takes its arguments and returns an outcome.
 
+mod adjust;
 mod bench;
 mod bench_frame;
 mod bench_import;
@@ -7,7 +8,9 @@ mod bench_process;
 mod bench_refine;
 mod bench_starts;
 mod check;
+mod client;
 mod control;
+mod convert;
 mod files;
 mod identity;
 mod import;
@@ -30,9 +33,12 @@ pub(crate) fn run(command: Command) -> Result<(), Failure> {
         Command::Up(args) => show::up(&args),
         Command::Master(args) => show::master(&args),
         Command::Set(args) => set::run(&args),
+        Command::Adjust(args) => adjust::adjust(&args),
+        Command::Pattern(args) => adjust::pattern(&args),
         Command::Node(args) => node::run(args),
         Command::Import(args) => import::run(args),
         Command::Check(args) => check::run(&args),
+        Command::Convert(args) => convert::run(&args),
         Command::Verify(args) => verify::run(&args),
         Command::Inspect(args) => inspect::run(&args),
         Command::Bench(args) => bench::run(args),

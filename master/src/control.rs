@@ -6,6 +6,7 @@
 mod api;
 mod door;
 mod guard;
+mod installation;
 mod json;
 mod refusal;
 
@@ -20,6 +21,7 @@ use tokio::time::sleep;
 use self::api::Api;
 use self::door::Door;
 use crate::events::EventSender;
+use crate::wall_file::WallFile;
 
 /// Where the control API is found unless told otherwise.
 pub const DEFAULT_CONTROL_ADDRESS: SocketAddr =
@@ -101,6 +103,8 @@ pub(crate) struct ControlContext {
     pub(crate) any_port: bool,
     /// Where relative repositories of changed layers are taken from.
     pub(crate) scene_directory: Option<PathBuf>,
+    /// The wall's file, if it may be changed.
+    pub(crate) wall_file: Option<WallFile>,
     pub(crate) events: EventSender,
 }
 
@@ -132,6 +136,7 @@ impl Control {
             context.events,
             options.token,
             context.scene_directory,
+            context.wall_file,
         ));
         let (closed, closing) = watch::channel(false);
         let thread = std::thread::Builder::new()

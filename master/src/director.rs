@@ -9,6 +9,7 @@ use protocol::barrier::Action;
 use protocol::camera::Navigator;
 use protocol::codec::{EncodeError, encode_view};
 use protocol::message::{Steer, Swap};
+use protocol::wall::{Head, Surfaces, Viewers};
 use protocol::{Pose, Scene, View, Wall};
 
 use crate::change::Revision;
@@ -37,7 +38,10 @@ pub(crate) struct Director {
     showing: Arc<Revision>,
     /// Revisions that are prepared or queued.
     coming: BTreeMap<u64, Arc<Revision>>,
-    heads_m: Vec<[f64; 3]>,
+    wall: Arc<Wall>,
+    wall_revision: u32,
+    surfaces: Surfaces,
+    viewers: Viewers,
     pose: Pose,
     navigator: Option<Navigator>,
     /// Seconds that had passed when the shown camera began; none until its first frame.
@@ -73,18 +77,61 @@ impl FrameRequest {
     }
 }
 
+/// Steps of density in each doubling.
+const DENSITY_STEPS: f64 = 8.0;
+
+/// A density that is not below the given one, and stays the same while a head moves a little: all meshes depend on it.
+fn in_steps(pixels_per_radian: f64) -> f64 {
+    ((pixels_per_radian.log2() * DENSITY_STEPS).ceil() / DENSITY_STEPS).exp2()
+}
+
 impl Director {
     /// Starts with a scene, as revision [`FIRST_REVISION`].
-    pub(crate) fn new(wall: &Wall, scene: Scene) -> Result<Self, EncodeError> {
+    pub(crate) fn new(
+        wall: &Arc<Wall>,
+        surfaces: Surfaces,
+        scene: Scene,
+    ) -> Result<Self, EncodeError> {
         Ok(Self {
             shown: FIRST_REVISION,
             pose: scene.camera.pose(&scene.planet, 0.0),
             showing: Arc::new(Revision::new(FIRST_REVISION, scene)?),
             coming: BTreeMap::new(),
-            heads_m: wall.heads_m(),
+            viewers: surfaces.viewers(wall, wall.heads()),
+            wall: Arc::clone(wall),
+            wall_revision: 0,
+            surfaces,
             navigator: None,
             camera_began_s: Some(0.0),
         })
+    }
+
+    /// The viewers' heads from the next frame on, in the wall's order. While the camera is held, they are held too.
+    pub(crate) fn follow(&mut self, heads: Vec<Head>, time: CameraTime) {
+        if heads == self.viewers.heads || time == CameraTime::Held {
+            return;
+        }
+        let mut viewers = self.surfaces.viewers(&self.wall, heads);
+        viewers.pixels_per_radian = in_steps(viewers.pixels_per_radian);
+        self.viewers = viewers;
+    }
+
+    /// Shows the wall with other measures from the next frame on, as the next revision of it, which is returned. Heads that
+    /// rest do so at their new places.
+    pub(crate) fn measure(&mut self, wall: &Arc<Wall>) -> u32 {
+        let resting = self.wall.heads();
+        let heads = self
+            .viewers
+            .heads
+            .iter()
+            .zip(resting.iter().zip(wall.heads()));
+        let heads = heads.map(|(now, (before, after))| if now == before { after } else { *now });
+        let heads: Vec<Head> = heads.collect();
+        self.surfaces = self.surfaces.with_measures_of(wall);
+        self.wall = Arc::clone(wall);
+        self.viewers = self.surfaces.viewers(wall, heads);
+        self.wall_revision += 1;
+        self.wall_revision
     }
 
     /// Keeps a revision that is to be shown later.
@@ -157,7 +204,8 @@ impl Director {
             scene_revision: self.shown,
             sent_us: now_us,
             pose: self.pose,
-            heads_m: self.heads_m.clone(),
+            wall_revision: self.wall_revision,
+            viewers: self.viewers.clone(),
             settle: time == CameraTime::Held,
             previous_swap: request.previous_swap,
         };
@@ -209,11 +257,13 @@ mod tests {
             name: "test".into(),
             fps: 60.0,
             observers: vec![],
+            trackers: vec![],
             screens: vec![],
             hosts: vec![],
             cache: protocol::wall::CacheBudgets::default(),
         };
-        Director::new(&wall, scene).unwrap()
+        let surfaces = Surfaces::load(&wall, |file, _| Err(file.to_owned())).unwrap();
+        Director::new(&Arc::new(wall), surfaces, scene).unwrap()
     }
 
     fn view(director: &mut Director, frame: u64, time: CameraTime) -> View {

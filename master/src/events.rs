@@ -4,12 +4,14 @@
 use std::net::SocketAddr;
 use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
 
-use protocol::ToMaster;
 use protocol::capture::CapturedPicture;
 use protocol::message::Hello;
+use protocol::pattern::Pattern;
+use protocol::{ToMaster, Wall};
 use tokio::sync::oneshot;
 
 use crate::change::{Declined, Proposal, Snapshot};
+use crate::installation::{Installation, OutputPlace};
 use crate::session::NodeLink;
 
 /// Number of a connection, never used again within a run.
@@ -49,6 +51,20 @@ pub(crate) enum Event {
     Propose {
         proposal: Proposal,
         reply: oneshot::Sender<Result<u64, Declined>>,
+    },
+    /// Somebody asks how the wall stands.
+    LookAtWall {
+        reply: oneshot::Sender<Installation>,
+    },
+    /// Somebody has measured the wall anew. The answer is the revision of its measures, or why it cannot have them.
+    AdjustWall {
+        measures: Box<Wall>,
+        reply: oneshot::Sender<Result<u32, String>>,
+    },
+    /// Somebody wants patterns on outputs, or on all where no place is named, one after the other.
+    ShowPatterns {
+        wishes: Vec<(Option<OutputPlace>, Option<Pattern>)>,
+        reply: oneshot::Sender<Installation>,
     },
     /// Show another scene, whatever the present one is.
     SetScene(Box<protocol::Scene>),

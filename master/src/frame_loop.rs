@@ -7,6 +7,7 @@ mod captures;
 mod changes;
 mod errors;
 mod frames;
+mod installation;
 mod nodes;
 
 use std::collections::HashMap;
@@ -18,6 +19,7 @@ use protocol::barrier::{Barrier, BarrierOptions};
 use protocol::change::Changes;
 use protocol::codec::{EncodeError, encode_to_node};
 use protocol::membership::{Membership, Seat};
+use protocol::pattern::Pattern;
 use protocol::report::Recorder;
 use protocol::{ToNode, Wall};
 
@@ -25,6 +27,7 @@ use crate::capture::Capture;
 use crate::change::RefusedChange;
 use crate::director::{Director, FIRST_REVISION};
 use crate::events::{ConnectionId, Event};
+use crate::heads::Heads;
 use crate::master::{MasterError, MasterOutcome, Plan};
 use crate::notice::NoticeSender;
 use crate::session::{Bytes, NodeLink};
@@ -63,6 +66,10 @@ pub(crate) struct FrameLoop {
     wall: Arc<Wall>,
     plan: Plan,
     director: Director,
+    heads: Heads,
+    wall_revision: u32,
+    /// What each output of each host shows instead of the scene.
+    patterns: Vec<Vec<Option<Pattern>>>,
     changes: Changes,
     /// The number given to a revision last.
     latest_revision: u64,
@@ -97,6 +104,7 @@ impl FrameLoop {
     pub(crate) fn new(
         wall: Arc<Wall>,
         director: Director,
+        heads: Heads,
         session: u64,
         plan: Plan,
         notices: NoticeSender,
@@ -112,6 +120,13 @@ impl FrameLoop {
             membership: Membership::new(&wall, session, env!("CARGO_PKG_VERSION")),
             plan,
             director,
+            heads,
+            wall_revision: 0,
+            patterns: wall
+                .hosts
+                .iter()
+                .map(|host| vec![None; host.outputs.len()])
+                .collect(),
             changes: Changes::new(FIRST_REVISION),
             latest_revision: FIRST_REVISION,
             unseen: None,
@@ -165,6 +180,7 @@ impl FrameLoop {
             .captures
             .map(|capture| capture.into_outputs(&self.wall));
         report.converged |= captures.is_some();
+        report.trackers = self.heads.report();
         Ok(MasterOutcome {
             report,
             captures: captures.unwrap_or_default(),

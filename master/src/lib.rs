@@ -10,14 +10,18 @@ mod control;
 mod director;
 mod events;
 mod frame_loop;
+mod heads;
+mod installation;
 pub mod launch;
 mod lens;
 mod master;
 mod notice;
 mod server;
 mod session;
+mod wall_file;
 
 pub use capture::CapturedOutput;
 pub use control::{ControlError, ControlOptions, DEFAULT_CONTROL_ADDRESS};
 pub use master::{Master, MasterError, MasterOptions, MasterOutcome, StartError};
 pub use notice::Notice;
+pub use wall_file::WallFile;

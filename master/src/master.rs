@@ -11,6 +11,7 @@ use std::time::Duration;
 
 use link::{BindError, CloseCode, Identity, Server};
 use protocol::report::Report;
+use protocol::wall::Surfaces;
 use protocol::{Scene, Wall};
 use tokio::sync::oneshot;
 
@@ -19,14 +20,18 @@ use crate::control::{Control, ControlContext, ControlError, ControlOptions};
 use crate::director::Director;
 use crate::events::{self, Event, EventSender};
 use crate::frame_loop::FrameLoop;
+use crate::heads::Heads;
 use crate::notice::{self, Notice};
 use crate::server;
 use crate::session::Context;
+use crate::wall_file::WallFile;
 
 /// What to run.
 pub struct MasterOptions {
     /// The wall.
     pub wall: Wall,
+    /// The surfaces of its screens.
+    pub surfaces: Surfaces,
     /// The scene, with resolved repositories.
     pub scene: Scene,
     /// The cluster's identity.
@@ -57,15 +62,24 @@ pub struct MasterOptions {
     /// Where relative repositories of layers are taken from that the control API adds, usually the directory
     /// of the scene file; `None`: they must be absolute.
     pub scene_directory: Option<PathBuf>,
+    /// The wall's file, if the control API may change and save it.
+    pub wall_file: Option<WallFile>,
 }
 
 impl MasterOptions {
     /// The usual options: the whole wall within a minute, frames without end, no capture, captures
     /// within a minute, no measuring, no control API.
     #[must_use]
-    pub fn new(wall: Wall, scene: Scene, identity: Identity, bind: SocketAddr) -> Self {
+    pub fn new(
+        wall: Wall,
+        surfaces: Surfaces,
+        scene: Scene,
+        identity: Identity,
+        bind: SocketAddr,
+    ) -> Self {
         Self {
             wall,
+            surfaces,
             scene,
             identity,
             bind,
@@ -80,6 +94,7 @@ impl MasterOptions {
             control: None,
             any_control_port: false,
             scene_directory: None,
+            wall_file: None,
         }
     }
 }
@@ -107,6 +122,9 @@ pub enum StartError {
     /// The control API cannot be opened.
     #[error(transparent)]
     Control(#[from] ControlError),
+    /// The trackers cannot be followed.
+    #[error(transparent)]
+    Tracking(#[from] tracking::ConfigError),
     /// A thread or a socket could not be had.
     #[error("cannot start the master: {0}")]
     System(#[from] std::io::Error),
@@ -168,6 +186,7 @@ impl Master {
     pub fn start(options: MasterOptions) -> Result<Self, StartError> {
         let MasterOptions {
             mut wall,
+            surfaces,
             scene,
             identity,
             bind,
@@ -177,7 +196,7 @@ impl Master {
             wall.fps = fps;
         }
         let wall = Arc::new(wall);
-        let director = Director::new(&wall, scene)?;
+        let director = Director::new(&wall, surfaces, scene)?;
         let runtime = tokio::runtime::Builder::new_current_thread()
             .enable_all()
             .build()?;
@@ -190,6 +209,7 @@ impl Master {
         let context = ControlContext {
             any_port: options.any_control_port,
             scene_directory: options.scene_directory,
+            wall_file: options.wall_file,
             events: events.clone(),
         };
         let control = options
@@ -207,7 +227,9 @@ impl Master {
             capture_timeout: options.capture_timeout,
             measure_timeout: options.measure_timeout,
         };
-        let frame_loop = FrameLoop::new(Arc::clone(&wall), director, session, plan, notices)?;
+        let heads = Heads::start(&wall, runtime.handle())?;
+        let frame_loop =
+            FrameLoop::new(Arc::clone(&wall), director, heads, session, plan, notices)?;
         let frame_loop = std::thread::Builder::new()
             .name("frame loop".to_owned())
             .spawn(move || frame_loop.run(&queue))?;

@@ -86,6 +86,11 @@ pub enum Notice {
         /// Nodes that have not answered.
         waits_for: Vec<String>,
     },
+    /// Something happened to a tracker or to what it is measured by.
+    Tracker {
+        /// What, in a sentence that names it.
+        event: String,
+    },
     /// A change of the scene is shown from the next frame on.
     ChangeShown {
         /// Its number.

@@ -16,6 +16,7 @@ use std::net::SocketAddr;
 use http::{get, patch, request};
 use link::Identity;
 use master::{ControlOptions, Master, MasterOptions, StartError};
+use protocol::wall::Surfaces;
 use protocol::{Scene, Wall};
 use serde_json::{Value, json};
 
@@ -75,7 +76,14 @@ fn start_with(change: impl FnOnce(&mut MasterOptions)) -> Result<Running, StartE
         Wall::parse(WALL, "test").unwrap(),
         Scene::parse(SCENE, "test").unwrap(),
     );
-    let mut options = MasterOptions::new(wall, scene, identity, "127.0.0.1:0".parse().unwrap());
+    let surfaces = Surfaces::load(&wall, |file, _| Err(file.to_owned())).unwrap();
+    let mut options = MasterOptions::new(
+        wall,
+        surfaces,
+        scene,
+        identity,
+        "127.0.0.1:0".parse().unwrap(),
+    );
     options.start_timeout = None;
     options.control = Some(ControlOptions {
         bind: "127.0.0.1:0".parse().unwrap(),

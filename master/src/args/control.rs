@@ -1,11 +1,12 @@
 //! The command line of the control API: where `up` and `master` open it, and what `set` asks of it.
 //!
-//! In: the arguments of the process. Out: [`Control`], [`Set`]. Token files are read by the commands.
+//! In: the arguments of the process. Out: [`Control`], [`Set`], [`Adjust`], [`ShowPattern`]. Token files are read by the commands.
 
 use std::net::SocketAddr;
 use std::path::PathBuf;
 
 use clap::Args as ArgumentGroup;
+use protocol::pattern::Pattern;
 
 /// What both `up` and `master` take of the control API.
 #[derive(Debug, ArgumentGroup)]
@@ -22,6 +23,17 @@ pub(crate) struct Control {
     /// Let nobody read or change the running scene
     #[arg(long, conflicts_with_all = ["control", "control_token_file"])]
     pub(crate) no_control: bool,
+}
+
+/// The running master that a command talks to.
+#[derive(Debug, ArgumentGroup)]
+pub(crate) struct RunningMaster {
+    /// Where the running master's control API listens, as it said at its start
+    #[arg(long, value_name = "HOST:PORT", default_value_t = master::DEFAULT_CONTROL_ADDRESS.to_string())]
+    pub(crate) control: String,
+    /// File with the token of the control API, if it has one
+    #[arg(long, value_name = "FILE")]
+    pub(crate) token_file: Option<PathBuf>,
 }
 
 /// What a glance at `terrawall set --help` should teach.
@@ -46,13 +58,68 @@ pub(crate) struct Set {
     /// which gives the default back or removes a layer or lens
     #[arg(required = true, value_name = "LAYER.PARAM=VALUE")]
     pub(crate) assignments: Vec<String>,
-    /// Where the running master's control API listens, as it said at its start
-    #[arg(long, value_name = "HOST:PORT", default_value_t = master::DEFAULT_CONTROL_ADDRESS.to_string())]
-    pub(crate) control: String,
-    /// File with the token of the control API, if it has one
-    #[arg(long, value_name = "FILE")]
-    pub(crate) token_file: Option<PathBuf>,
+    /// Which master.
+    #[command(flatten)]
+    pub(crate) master: RunningMaster,
     /// Print the answer as JSON
     #[arg(long)]
     pub(crate) json: bool,
+}
+
+/// What a glance at `terrawall adjust --help` should teach.
+const ADJUSTMENTS: &str = "\
+All assignments become one change, which every node shows from the same frame on, or none does. What is there:
+curl http://127.0.0.1:4680/api/wall
+
+Examples:
+  terrawall adjust observers.viewer.head_m=[0,1.72,3] observers.viewer.eye_separation_m=0.061
+  terrawall adjust screens.front.corners_m.top_left=[-2.01,2.75,0]
+  terrawall adjust screens.dome.tilt_deg=21.5 outputs.left/projector.gamma=2.3
+  terrawall adjust outputs.left/projector.channels.0.blend_gamma=1.2
+  terrawall adjust --save";
+
+/// `terrawall adjust`
+#[derive(Debug, ArgumentGroup)]
+#[command(after_help = ADJUSTMENTS)]
+pub(crate) struct Adjust {
+    /// What is to be what: observers.NAME.KEY=VALUE, screens.NAME.KEY=VALUE or outputs.HOST/OUTPUT.KEY=VALUE; VALUE is JSON
+    #[arg(value_name = "THING.KEY=VALUE")]
+    pub(crate) assignments: Vec<String>,
+    /// Write the wall file with all changes so far; its comments stay
+    #[arg(long)]
+    pub(crate) save: bool,
+    /// Which master.
+    #[command(flatten)]
+    pub(crate) master: RunningMaster,
+}
+
+/// `terrawall pattern`
+#[derive(Debug, ArgumentGroup)]
+pub(crate) struct ShowPattern {
+    /// grid, colour-bars, blend-ramp, focus-star, identify, or off for the scene
+    #[arg(value_name = "PATTERN", value_parser = pattern_or_off)]
+    pub(crate) pattern: PatternOrOff,
+    /// Only on these outputs; without any, on all of them
+    #[arg(value_name = "HOST/OUTPUT")]
+    pub(crate) outputs: Vec<String>,
+    /// Which master.
+    #[command(flatten)]
+    pub(crate) master: RunningMaster,
+}
+
+/// A pattern, or none.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct PatternOrOff(pub(crate) Option<Pattern>);
+
+fn pattern_or_off(text: &str) -> Result<PatternOrOff, String> {
+    if text == "off" {
+        return Ok(PatternOrOff(None));
+    }
+    let found = Pattern::from_name(text);
+    found
+        .map(|pattern| PatternOrOff(Some(pattern)))
+        .ok_or_else(|| {
+            let names = Pattern::NAMES.map(|(_, name)| name);
+            format!("write off or one of {}", names.join(", "))
+        })
 }

@@ -149,6 +149,23 @@ fn numbers<const N: usize>(text: &str) -> Result<[f64; N], String> {
         .ok_or_else(|| format!("write {N} numbers separated by commas, without spaces"))
 }
 
+/// `--format` of `convert`.
+pub(super) fn wall_system(text: &str) -> Result<convert::Format, String> {
+    let names = convert::Format::NAMES;
+    let found = names.iter().find(|(_, name)| *name == text);
+    found
+        .map(|(format, _)| *format)
+        .ok_or_else(|| format!("write one of {}", names.map(|(_, name)| name).join(", ")))
+}
+
+/// `--pixels`.
+pub(super) fn pixel_share(text: &str) -> Result<f64, String> {
+    let share = text.parse().ok();
+    share
+        .filter(|share| (0.01..=1.0).contains(share))
+        .ok_or_else(|| "write a number within 0.01…1".to_owned())
+}
+
 /// `--fps`: frames per second.
 pub(super) fn frames_per_second(text: &str) -> Result<f64, String> {
     text.parse()

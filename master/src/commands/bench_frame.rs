@@ -9,6 +9,7 @@ use std::time::{Duration, Instant};
 use node::{Picture, PictureRequest};
 use protocol::message::ErrorMeasured;
 use protocol::report::ErrorReport;
+use protocol::wall::Viewers;
 use protocol::{Camera, Orbit, Place, Scene, View, Wall};
 use serde::Serialize;
 
@@ -159,7 +160,7 @@ pub(crate) fn measure(data: &Path, frames: u32) -> Result<Figures, Failure> {
                 windows: vec![None],
             },
         )?,
-        heads_m: wall.heads_m(),
+        viewers: node::viewers(&wall)?,
         scene,
         frame: 0,
         error_px,
@@ -185,7 +186,7 @@ pub(crate) fn measure(data: &Path, frames: u32) -> Result<Figures, Failure> {
 
 struct Bench {
     picture: Box<dyn Picture>,
-    heads_m: Vec<[f64; 3]>,
+    viewers: Viewers,
     scene: Scene,
     frame: u64,
     error_px: ErrorReport,
@@ -204,7 +205,8 @@ impl Bench {
                 .scene
                 .camera
                 .pose(&self.scene.planet, f64::from(camera_frame)),
-            heads_m: self.heads_m.clone(),
+            wall_revision: 0,
+            viewers: self.viewers.clone(),
             settle: false,
             previous_swap: None,
         };

@@ -5,7 +5,7 @@
 use std::path::Path;
 
 use anyhow::Context as _;
-use master::{ControlOptions, DEFAULT_CONTROL_ADDRESS, Master, MasterOptions};
+use master::{ControlOptions, DEFAULT_CONTROL_ADDRESS, Master, MasterOptions, WallFile};
 
 use crate::args::Control;
 use crate::failure::{Failure, OrConfiguration as _};
@@ -41,7 +41,9 @@ impl Opening {
         &self,
         options: &mut MasterOptions,
         scene: &Path,
+        wall: Option<WallFile>,
     ) -> Result<(), Failure> {
+        options.wall_file = wall;
         let scene = std::path::absolute(scene)
             .with_context(|| format!("cannot resolve {}", scene.display()))?;
         options.scene_directory = scene.parent().map(Path::to_owned);

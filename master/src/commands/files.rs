@@ -5,13 +5,27 @@
 use std::path::Path;
 
 use anyhow::Context as _;
+use master::WallFile;
 use protocol::{Scene, Wall};
 
 use crate::failure::{Failure, OrConfiguration as _};
 
-/// Reads and validates a wall file.
+/// Reads and validates a wall file. The files that it names are taken from its directory.
 pub(crate) fn wall(path: &Path) -> Result<Wall, Failure> {
-    Wall::parse(&text(path, "wall")?, &path.display().to_string()).or_configuration()
+    let mut wall =
+        Wall::parse(&text(path, "wall")?, &path.display().to_string()).or_configuration()?;
+    let file =
+        std::path::absolute(path).with_context(|| format!("cannot resolve {}", path.display()))?;
+    let directory = file.parent().unwrap_or(Path::new("/"));
+    for named in wall.files_mut() {
+        *named = directory.join(&*named).to_string_lossy().into_owned();
+    }
+    Ok(wall)
+}
+
+/// The same file, to be changed while the wall runs.
+pub(crate) fn wall_file(path: &Path) -> Result<Option<WallFile>, Failure> {
+    Ok(WallFile::open(path, &text(path, "wall")?))
 }
 
 /// Reads and validates a scene file. Its repositories are taken from the scene file's directory.

@@ -11,7 +11,7 @@ use std::time::Duration;
 use anyhow::Context as _;
 use link::Identity;
 use master::launch::{Children, Ended, NodeLaunch};
-use master::{Master, MasterOptions, MasterOutcome, Notice};
+use master::{Master, MasterOptions, MasterOutcome, Notice, WallFile};
 use protocol::{Scene, Wall};
 
 use crate::failure::{Failure, OrConfiguration as _};
@@ -49,6 +49,8 @@ pub(crate) struct Control<'p> {
     pub(crate) opening: Opening,
     /// The scene's file, beside which relative repositories lie.
     pub(crate) scene_file: &'p Path,
+    /// The wall's file, if it may be changed.
+    pub(crate) wall_file: Option<WallFile>,
 }
 
 /// What a run has given.
@@ -81,13 +83,22 @@ pub(crate) fn run(
     let identity_folder = folder.path().join("identity");
     let identity = Identity::create(&identity_folder)?;
     let bind = SocketAddr::from((Ipv4Addr::LOCALHOST, 0));
-    let mut options = MasterOptions::new(wall.clone(), scene.clone(), identity, bind);
+    let mut options = MasterOptions::new(
+        wall.clone(),
+        node::surfaces(wall)?,
+        scene.clone(),
+        identity,
+        bind,
+    );
     options.fps = run.fps;
     options.frames = run.frames;
     options.capture = run.capture;
     options.measure_error = run.measure_error;
     if let Some(control) = &control {
-        control.opening.put_into(&mut options, control.scene_file)?;
+        let wall_file = control.wall_file.clone();
+        control
+            .opening
+            .put_into(&mut options, control.scene_file, wall_file)?;
     }
     let master = Master::start(options)?;
     if let Some(control) = &control {

@@ -80,6 +80,7 @@ impl Teller {
                 ));
             }
             Notice::Fault { node, message } => self.say_once(format!("node \"{node}\": {message}")),
+            Notice::Tracker { event } => self.say_once(event.clone()),
             Notice::Started { nodes, hosts } if nodes < hosts => {
                 self.say(&format!(
                     "begins with {nodes} of {hosts} nodes; the others may come later"

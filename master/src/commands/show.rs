@@ -23,7 +23,7 @@ const LOOK: Duration = Duration::from_millis(100);
 /// Runs a whole wall on this machine.
 pub(crate) fn up(args: &Up) -> Result<(), Failure> {
     let show = &args.show;
-    let (mut wall, scene) = (files::wall(&show.wall)?, files::scene(&show.scene)?);
+    let (mut wall, scene) = (wall_of(show)?, files::scene(&show.scene)?);
     let windows = wall
         .hosts
         .iter()
@@ -47,6 +47,7 @@ pub(crate) fn up(args: &Up) -> Result<(), Failure> {
     let control = local::Control {
         opening: Opening::new(&show.control)?,
         scene_file: &show.scene,
+        wall_file: files::wall_file(&show.wall)?,
     };
     let shown = local::run(&wall, &scene, run, Some(control))?;
     finish(show, &wall, &shown.outcome)?;
@@ -61,12 +62,18 @@ pub(crate) fn up(args: &Up) -> Result<(), Failure> {
 /// Runs the master of a wall whose nodes are started on their hosts.
 pub(crate) fn master(args: &Master) -> Result<(), Failure> {
     let show = &args.show;
-    let (mut wall, scene) = (files::wall(&show.wall)?, files::scene(&show.scene)?);
+    let (mut wall, scene) = (wall_of(show)?, files::scene(&show.scene)?);
     let identity = Identity::load(&args.identity).or_configuration()?;
     if show.headless {
         close_windows(&mut wall);
     }
-    let mut options = MasterOptions::new(wall.clone(), scene, identity, args.listen);
+    let mut options = MasterOptions::new(
+        wall.clone(),
+        node::surfaces(&wall)?,
+        scene,
+        identity,
+        args.listen,
+    );
     options.fps = show.fps;
     options.frames = show.frames;
     options.capture = show.capture.is_some();
@@ -74,7 +81,7 @@ pub(crate) fn master(args: &Master) -> Result<(), Failure> {
     options.start_after = Some(Duration::from_secs_f64(args.wait));
     options.start_timeout = None;
     let opening = Opening::new(&show.control)?;
-    opening.put_into(&mut options, &show.scene)?;
+    opening.put_into(&mut options, &show.scene, files::wall_file(&show.wall)?)?;
     let master = RunningMaster::start(options)?;
     eprintln!(
         "terrawall: the master of \"{}\" listens at {}",
@@ -95,6 +102,15 @@ pub(crate) fn master(args: &Master) -> Result<(), Failure> {
     }
     drop(teller);
     finish(show, &wall, &master.finish()?)
+}
+
+/// The wall to be shown, with as many pixels as are asked for.
+fn wall_of(show: &Show) -> Result<Wall, Failure> {
+    let wall = files::wall(&show.wall)?;
+    Ok(match show.pixels {
+        Some(share) => wall.with_share_of_pixels(share),
+        None => wall,
+    })
 }
 
 /// The same wall without windows.

@@ -1,4 +1,4 @@
-//! What the control API answers: `GET` and `PATCH` of `/api/scene`.
+//! What the control API answers: who is let in, and `GET` and `PATCH` of `/api/scene`.
 //! In: admitted requests. Out: the scene as JSON, or a change of it for the frame loop, parsed, validated and
 //! encoded here. A change is whole or not at all, and no change is lost: each is made of the newest scene, which
 //! the frame loop checks when it arrives.
@@ -15,17 +15,18 @@ use axum::extract::{Request, State};
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::middleware::{Next, from_fn_with_state};
 use axum::response::{IntoResponse as _, Response};
-use axum::routing::get;
+use axum::routing::{get, post};
 use protocol::{Fault, Scene, SceneError};
 use serde_json::{Value, json};
 use tokio::sync::{Mutex, oneshot};
 use tokio::time::timeout;
 
-use super::guard;
 use super::json::{self, JsonError};
 use super::refusal::{Refusal, respond};
+use super::{guard, installation};
 use crate::change::{Declined, Proposal, Snapshot};
 use crate::events::{Event, EventSender};
+use crate::wall_file::WallFile;
 
 /// Longest body of a request, in bytes.
 const MAX_BODY_BYTES: usize = 1 << 20;
@@ -43,6 +44,8 @@ pub(super) struct Api {
     events: EventSender,
     token: Option<String>,
     scene_directory: Option<PathBuf>,
+    /// The wall's file, while it may be changed.
+    pub(super) wall_file: Mutex<Option<WallFile>>,
     /// Changes are made one after the other, so that they only race with pointers.
     turn: Mutex<()>,
 }
@@ -52,17 +55,22 @@ impl Api {
         events: EventSender,
         token: Option<String>,
         scene_directory: Option<PathBuf>,
+        wall_file: Option<WallFile>,
     ) -> Self {
         Self {
             events,
             token,
             scene_directory,
+            wall_file: Mutex::new(wall_file),
             turn: Mutex::new(()),
         }
     }
 
     /// Asks the frame loop.
-    async fn ask<T>(&self, event: impl FnOnce(oneshot::Sender<T>) -> Event) -> Result<T, Refusal> {
+    pub(super) async fn ask<T>(
+        &self,
+        event: impl FnOnce(oneshot::Sender<T>) -> Event,
+    ) -> Result<T, Refusal> {
         let (reply, answer) = oneshot::channel();
         self.events.send(event(reply));
         match timeout(FRAME_LOOP_PATIENCE, answer).await {
@@ -137,12 +145,21 @@ pub(super) fn router(api: Api) -> Router {
     let api = Arc::new(api);
     Router::new()
         .route("/api/scene", get(read).patch(change))
+        .route(
+            "/api/wall",
+            get(installation::read_wall).patch(installation::change_wall),
+        )
+        .route("/api/wall/save", post(installation::save_wall))
+        .route(
+            "/api/patterns",
+            get(installation::read_patterns).patch(installation::change_patterns),
+        )
         .fallback(async || {
-            let advice = "there is nothing here: the scene is at /api/scene";
+            let advice = "there is nothing here: the scene is at /api/scene, the wall at /api/wall, patterns at /api/patterns";
             Refusal::new(StatusCode::NOT_FOUND, advice)
         })
         .method_not_allowed_fallback(async || {
-            let advice = "the scene is read with GET and changed with PATCH";
+            let advice = "what is here is read with GET and changed with PATCH; /api/wall/save takes POST";
             Refusal::new(StatusCode::METHOD_NOT_ALLOWED, advice)
         })
         .layer(from_fn_with_state(Arc::clone(&api), admit))
@@ -235,7 +252,7 @@ fn over() -> Refusal {
 }
 
 /// The body of a request.
-async fn collect(mut body: Body) -> Result<Vec<u8>, Refusal> {
+pub(super) async fn collect(mut body: Body) -> Result<Vec<u8>, Refusal> {
     let mut bytes = Vec::new();
     let mut length = 0_usize;
     while let Some(frame) = poll_fn(|context| Pin::new(&mut body).poll_frame(context)).await {
@@ -262,7 +279,7 @@ async fn collect(mut body: Body) -> Result<Vec<u8>, Refusal> {
 }
 
 /// A patch comes as JSON, uncompressed, in UTF-8.
-fn check_type(headers: &HeaderMap) -> Result<(), Refusal> {
+pub(super) fn check_type(headers: &HeaderMap) -> Result<(), Refusal> {
     let text = |name| headers.get(name).map(|value| value.to_str().unwrap_or("?"));
     let kind = text(header::CONTENT_TYPE).unwrap_or_default();
     let (kind, parameters) = kind.split_once(';').unwrap_or((kind, ""));

@@ -102,6 +102,12 @@ impl FrameLoop {
                 _,
             ) => CameraTime::Held,
         };
+        for event in self.heads.take_events() {
+            self.notices.send(Notice::Tracker { event });
+        }
+        if let Some(heads) = self.heads.at(request.presented_from_us) {
+            self.director.follow(heads, time);
+        }
         let view = match self.director.view(request, time, link::now_us()) {
             Ok(view) => view,
             Err(error) => return self.fail(MasterError::Encode(error.to_string())),

@@ -82,6 +82,18 @@ impl FrameLoop {
             Event::Propose { proposal, reply } => {
                 let _unheard = reply.send(self.propose(proposal));
             }
+            Event::LookAtWall { reply } => {
+                let _unheard = reply.send(self.installation());
+            }
+            Event::AdjustWall { measures, reply } => {
+                let _unheard = reply.send(self.adjust(&measures));
+            }
+            Event::ShowPatterns { wishes, reply } => {
+                for (place, pattern) in wishes {
+                    self.show_pattern(place, pattern);
+                }
+                let _unheard = reply.send(self.installation());
+            }
             Event::SetScene(scene) => self.set_scene(*scene),
             Event::Stop => self.stop(),
         }
@@ -102,6 +114,7 @@ impl FrameLoop {
             *slot = Some((id, link));
         }
         self.tell(seat.node, &Arc::from(welcome));
+        self.tell_installation(seat.node);
         let scene = Arc::clone(self.director.encoded_scene());
         self.tell(seat.node, &scene);
         if let Some(revision) = self.changes.preparing() {

@@ -10,7 +10,8 @@ use node::{
     Drawn, ErrorMeasure, OutputImage, PassTime, Picture, PictureError, PictureMaker, PictureRequest,
 };
 use protocol::message::TileCounters;
-use protocol::{Scene, View};
+use protocol::pattern::Pattern;
+use protocol::{Scene, View, Wall};
 
 use super::Drawing;
 
@@ -107,6 +108,12 @@ impl Picture for FakePicture {
         }
         Ok(())
     }
+
+    fn set_wall(&mut self, _wall: &Wall) -> Result<(), PictureError> {
+        Ok(())
+    }
+
+    fn show_patterns(&mut self, _patterns: &[Option<Pattern>]) {}
 
     fn draw(&mut self, view: &View) -> Result<Drawn, PictureError> {
         let scene = self.show(view.scene_revision);

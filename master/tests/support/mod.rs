@@ -16,6 +16,7 @@ use std::time::{Duration, Instant};
 use link::Identity;
 use master::{Master, MasterOptions, Notice};
 use node::NodeOptions;
+use protocol::wall::Surfaces;
 use protocol::{Scene, Wall};
 
 use fake::FakeMaker;
@@ -301,7 +302,8 @@ pub(crate) fn be_a_master() {
 pub(crate) fn options(wall: Wall, identity: &Path) -> MasterOptions {
     let identity = Identity::load(identity).unwrap();
     let bind = "127.0.0.1:0".parse().unwrap();
-    let mut options = MasterOptions::new(wall, scene(), identity, bind);
+    let surfaces = Surfaces::load(&wall, |file, _| Err(file.to_owned())).unwrap();
+    let mut options = MasterOptions::new(wall, surfaces, scene(), identity, bind);
     options.start_timeout = Some(Duration::from_secs(20));
     options.capture_timeout = Duration::from_secs(20);
     options

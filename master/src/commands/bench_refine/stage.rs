@@ -6,6 +6,7 @@
 use std::time::{Duration, Instant};
 
 use node::{Drawn, ErrorMeasure, Picture, PictureMaker as _, PictureRequest, WallPictureMaker};
+use protocol::wall::Viewers;
 use protocol::{Pose, Scene, View, Wall};
 use tempfile::TempDir;
 
@@ -26,7 +27,7 @@ const DISTANCE: f64 = 1.1;
 /// The display.
 pub(super) struct Stage {
     picture: Box<dyn Picture>,
-    heads_m: Vec<[f64; 3]>,
+    viewers: Viewers,
     revision: u64,
     shown: Option<(Scene, Pose)>,
     frame: u64,
@@ -86,7 +87,7 @@ impl Stage {
         picture.time_passes(true);
         Ok(Self {
             picture,
-            heads_m: wall.heads_m(),
+            viewers: node::viewers(&wall)?,
             revision: 0,
             shown: None,
             frame: 0,
@@ -161,7 +162,8 @@ impl Stage {
             scene_revision: self.revision,
             sent_us: 0,
             pose: *pose,
-            heads_m: self.heads_m.clone(),
+            wall_revision: 0,
+            viewers: self.viewers.clone(),
             settle: false,
             previous_swap: None,
         };

@@ -6,6 +6,7 @@
 use std::time::{Duration, Instant};
 
 use node::{Drawn, ErrorMeasure, Picture, PictureMaker as _, PictureRequest, WallPictureMaker};
+use protocol::wall::Viewers;
 use protocol::{Place, Scene, View, Wall};
 
 use crate::failure::Failure;
@@ -54,7 +55,7 @@ pub(super) struct Measured {
 /// The outputs of a host.
 pub(super) struct Survey {
     picture: Box<dyn Picture>,
-    heads_m: Vec<[f64; 3]>,
+    viewers: Viewers,
     scene: Scene,
     revision: u64,
     frame: u64,
@@ -80,7 +81,7 @@ impl Survey {
         picture.prepare_scene(1, scene)?;
         Ok(Self {
             picture,
-            heads_m: wall.heads_m(),
+            viewers: node::viewers(&wall)?,
             scene: scene.clone(),
             revision: 1,
             frame: 0,
@@ -144,7 +145,8 @@ impl Survey {
             scene_revision: self.revision,
             sent_us: 0,
             pose: place.pose(&self.scene.planet),
-            heads_m: self.heads_m.clone(),
+            wall_revision: 0,
+            viewers: self.viewers.clone(),
             settle: false,
             previous_swap: None,
         };
