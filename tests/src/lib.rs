@@ -11,6 +11,8 @@
 
 pub mod command;
 pub mod data;
+pub mod flip;
 pub mod pictures;
 pub mod rough;
 pub mod sources;
+pub mod viewer;

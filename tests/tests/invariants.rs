@@ -15,15 +15,27 @@ use tests::sources;
 /// Crate → the crates of the house that it may use, and nothing else.
 const ARROWS: &[(&str, &[&str])] = &[
     ("geodesy", &[]),
-    ("protocol", &["geodesy"]),
+    ("screens", &[]),
+    ("calibration", &[]),
+    ("protocol", &["geodesy", "screens"]),
     ("link", &["protocol"]),
     ("shaders", &[]),
     ("tiles", &["geodesy"]),
     ("terrain", &["geodesy"]),
     ("import", &["geodesy", "tiles"]),
     ("render", &["geodesy", "shaders", "terrain", "tiles"]),
-    ("node", &["link", "protocol", "render"]),
-    ("master", &["import", "link", "node", "protocol"]),
+    (
+        "node",
+        &["calibration", "link", "protocol", "render", "screens"],
+    ),
+    ("tracking", &[]),
+    ("convert", &[]),
+    (
+        "master",
+        &[
+            "convert", "import", "link", "node", "protocol", "screens", "tracking",
+        ],
+    ),
 ];
 
 /// Crate → packages that must not be reached from it, however far away.
@@ -31,6 +43,13 @@ const FORBIDDEN: &[(&str, &[&str])] = &[
     ("protocol", &["tokio", "quinn", "wgpu", "winit", "socket2"]),
     ("geodesy", &["tokio", "quinn", "wgpu", "winit", "socket2"]),
     ("terrain", &["tokio", "quinn", "wgpu", "winit", "socket2"]),
+    ("screens", &["tokio", "quinn", "wgpu", "winit", "socket2"]),
+    (
+        "calibration",
+        &["tokio", "quinn", "wgpu", "winit", "socket2"],
+    ),
+    ("convert", &["tokio", "quinn", "wgpu", "winit", "socket2"]),
+    ("tracking", &["quinn", "wgpu", "winit"]),
     ("render", &["tokio", "quinn", "rustls", "link", "protocol"]),
     ("tiles", &["wgpu", "winit", "quinn", "tokio"]),
     ("import", &["wgpu", "winit", "quinn", "tokio"]),
