@@ -11,7 +11,7 @@ DATA      := out/data
 # What decides the bytes of a repository: when it changes, the data is imported anew.
 IMPORTER  := $(wildcard node/import/src/*.rs node/import/src/*/*.rs node/tiles/src/*.rs protocol/geodesy/src/*.rs)
 
-.PHONY: help setup build data demo layers picture test bench refine lint clean
+.PHONY: help setup build data demo layers wireframe siegen picture test bench refine lint clean
 
 help: ## lists these targets
 	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-8s %s\n", $$1, $$2 }' Makefile
@@ -82,10 +82,17 @@ wireframe: setup data ## draws the edges of a refined mesh, and leaves a picture
 		--frames 1 --capture out/wireframe
 	@echo "The picture:  out/wireframe/wall.png"
 
-picture: demo layers wireframe ## renews the pictures in the README
+siegen: setup data ## draws a laboratory with a curved wall, with a fifth of its pixels along each side, and leaves a picture
+	@rm -rf out/siegen
+	LP_NUM_THREADS=1 $(TERRAWALL) up configs/walls/vrlab-siegen.toml --scene configs/scenes/verify-mountains.toml --headless \
+		--no-control --pixels 0.2 --frames 2 --capture out/siegen
+	@echo "The picture of all screens:  out/siegen/wall.png"
+
+picture: demo layers wireframe siegen ## renews the pictures in the README
 	mkdir -p tests/pictures
 	cp out/demo/wall.png tests/pictures/wall.png
 	cp out/wireframe/wall.png tests/pictures/wireframe.png
+	cp out/siegen/wall.png tests/pictures/siegen.png
 	for place in alps itaipu ironwood; do cp out/layers/$$place/wall.png tests/pictures/layers-$$place.png; done
 
 test: ## all tests, with a GPU (a software driver will do) required
