@@ -172,7 +172,7 @@ pub(crate) struct Node {
 pub(crate) struct Check {
     /// Wall file
     pub(crate) wall: PathBuf,
-    /// Draw the room from above and from the front
+    /// Draw the room from above, from the front and from the right
     #[arg(long, value_name = "SVG")]
     pub(crate) plan: Option<PathBuf>,
     /// Print the findings as JSON on standard output

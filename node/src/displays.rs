@@ -278,6 +278,26 @@ pub(crate) fn surfaces(wall: &Wall) -> Result<Surfaces, PictureError> {
     Surfaces::load(wall, map::surface).map_err(PictureError::Unavailable)
 }
 
+/// Reads all files that a wall names, and what its calibrated channels show.
+pub(crate) fn check_files(wall: &Wall) -> Result<(), PictureError> {
+    let surfaces = surfaces(wall)?;
+    for output in wall.hosts.iter().flat_map(|host| &host.outputs) {
+        let calibrated = output
+            .channels
+            .iter()
+            .filter(|channel| channel.calibration.is_some());
+        for channel in calibrated {
+            let refuse = |reason: String| {
+                PictureError::Unavailable(format!("output \"{}\": {reason}", output.name))
+            };
+            let screen = wall.screens.get(channel.screen);
+            let screen = screen.ok_or_else(|| refuse("a channel has no screen".to_owned()))?;
+            map::of_channel(wall, screen, channel, &surfaces, None).map_err(refuse)?;
+        }
+    }
+    Ok(())
+}
+
 /// The number of a thing in a list, to which it is added where it is not in it.
 fn number_of<T: PartialEq>(list: &mut Vec<T>, thing: T) -> usize {
     let known = list.iter().position(|known| *known == thing);

@@ -71,6 +71,14 @@ pub fn surfaces(wall: &Wall) -> Result<Surfaces, PictureError> {
     displays::surfaces(wall)
 }
 
+/// Reads all files that a wall names, calibrations included, as its hosts will when they draw.
+///
+/// # Errors
+/// The first file that cannot be read, or is not what it should be. The text names it.
+pub fn check_files(wall: &Wall) -> Result<(), PictureError> {
+    displays::check_files(wall)
+}
+
 /// Who looks at a wall while nothing tracks anybody.
 ///
 /// # Errors

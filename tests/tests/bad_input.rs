@@ -244,3 +244,157 @@ fn what_is_no_repository_is_said_so() {
         &[folder.path().to_str().unwrap(), "dataset.toml"],
     );
 }
+
+/// A calibration archive with something wrong, or a wall that asks for something else than it holds.
+#[test]
+fn wrong_calibration_files_are_named_with_a_remedy() {
+    let walls = tests::sources::root().join("configs/walls");
+    let archive = std::fs::read(walls.join("pair.mpcdi")).unwrap();
+    let wall = std::fs::read_to_string(walls.join("pair-mpcdi.toml")).unwrap();
+    let check_with = |archive: Option<&[u8]>, wall: &str| {
+        let folder = tempfile::tempdir().unwrap();
+        if let Some(bytes) = archive {
+            std::fs::write(folder.path().join("pair.mpcdi"), bytes).unwrap();
+        }
+        check(folder.path(), wall)
+    };
+    let fine = check_with(Some(&archive), &wall);
+    assert_eq!(fine.code, Some(0), "{}", fine.stderr);
+    let half = &archive[..archive.len() / 2];
+    let mut spoilt = archive.clone();
+    spoilt[300..2000].fill(0x55);
+    let file = "pair.mpcdi";
+    for (archive, wall, words) in [
+        (None, wall.clone(), vec![file]),
+        (Some(&b""[..]), wall.clone(), vec![file]),
+        (Some(half), wall.clone(), vec![file]),
+        (Some(&spoilt[..]), wall.clone(), vec![file]),
+        (
+            Some(&archive[..]),
+            wall.replace("region = \"right\"", "region = \"middle\""),
+            vec![file, "middle", "left", "right"],
+        ),
+        (
+            Some(&archive[..]),
+            wall.replace(", region = \"right\"", ""),
+            vec![file, "calibration.region", "left, right"],
+        ),
+        (
+            Some(&archive[..]),
+            wall.replacen(
+                "size_px = [1280, 800]\ncalibration",
+                "size_px = [1280, 600]\ncalibration",
+                1,
+            ),
+            vec![file, "1280×800", "1280×600"],
+        ),
+    ] {
+        refused(&check_with(archive, &wall), USAGE, &words);
+    }
+}
+
+/// Screens, eyes and trackers that make no sense.
+#[test]
+fn wrong_rooms_are_named_with_a_remedy() {
+    let folder = tempfile::tempdir().unwrap();
+    let walls = tests::sources::root().join("configs/walls");
+    let text = |name: &str| std::fs::read_to_string(walls.join(name)).unwrap();
+    let (dome, cave, lab) = (
+        text("dome-5.toml"),
+        text("cave-4.toml"),
+        text("vrlab-siegen.toml"),
+    );
+    for (wall, from, to, words) in [
+        (
+            &dome,
+            "radius_m = 4.0",
+            "radius_m = -4.0",
+            vec!["radius_m", "-4"],
+        ),
+        (
+            &dome,
+            "azimuth_deg = [-50.0, 50.0]",
+            "azimuth_deg = [50.0, -50.0]",
+            vec!["azimuth_deg"],
+        ),
+        (
+            &dome,
+            "head_m = [0.0, 1.4, 0.6]",
+            "head_m = [0.0, 1.4, 40.0]",
+            vec!["head", "inside"],
+        ),
+        (
+            &dome,
+            "kind = \"sphere\"",
+            "kind = \"ball\"",
+            vec!["kind", "sphere"],
+        ),
+        (
+            &dome,
+            "blend_px = { left = 192, right = 192 }",
+            "blend_px = { left = 1920, right = 192 }",
+            vec!["blend_px", "ramps"],
+        ),
+        (&dome, "gamma = 2.2", "gamma = 22.0", vec!["gamma"]),
+        (
+            &dome,
+            "black_level = 0.003",
+            "black_level = 3",
+            vec!["black_level"],
+        ),
+        (
+            &cave,
+            "eye = \"left\"",
+            "eye = \"third\"",
+            vec!["eye", "centre"],
+        ),
+        (
+            &cave,
+            "tracker = \"glasses\"",
+            "tracker = \"hat\"",
+            vec!["tracker", "glasses"],
+        ),
+        (
+            &cave,
+            "z = [0.0, 1.0, 0.0]",
+            "z = [0.0, -1.0, 0.0]",
+            vec!["to_room", "right-handed"],
+        ),
+        (
+            &cave,
+            "Head@tracker:3883",
+            "tracker:3883",
+            vec!["DEVICE@HOST"],
+        ),
+        (
+            &cave,
+            "eye_separation_m = 0.063",
+            "eye_separation_m = 63.0",
+            vec!["eye_separation_m", "0.063"],
+        ),
+        (
+            &lab,
+            "aligned_from_m = [0.0, 1.78, 0.0]",
+            "aligned_from_m = [0.0, 1.78, 9.0]",
+            vec!["aligned_from_m"],
+        ),
+        (
+            &lab,
+            "source = \"0.0.0.0:5000\"",
+            "source = \"everywhere\"",
+            vec!["source", "0.0.0.0:5000"],
+        ),
+        (
+            &lab,
+            "radius_m = 2.4912",
+            "radius_m = 2.2",
+            vec!["radius_m"],
+        ),
+    ] {
+        let spoilt = wall.replacen(from, to, 1);
+        assert_ne!(&spoilt, wall, "{from} is not in the wall");
+        let mut words = words;
+        words.push("wall.toml:");
+        refused(&check(folder.path(), &spoilt), USAGE, &words);
+    }
+}

@@ -133,3 +133,63 @@ fn windows_show_what_a_capture_holds() {
         );
     }
 }
+
+#[test]
+fn every_window_of_a_wall_says_on_the_screen_which_output_it_is() {
+    let _alone = command::alone();
+    let display = Display::start();
+    if !data::driver()
+        || !data::skip_unless(display.is_some(), "Xvfb (run make test, or install xvfb)")
+    {
+        return;
+    }
+    let display = display.unwrap();
+    let mut wall = data::wall(3, SIZE.0, SIZE.1, 30.0);
+    // Two by their places on the desktop, one by its monitor.
+    for window in [
+        "position_px = [20, 40]",
+        "position_px = [300, 40]",
+        "monitor = 0, position_px = [100, 200]",
+    ] {
+        wall = wall.replacen("headless = true", &format!("window = {{ {window} }}"), 1);
+    }
+    let folder = data::folder(&[("wall.toml", &wall), ("scene.toml", &data::scene())]);
+    let at = folder.path().display();
+    let free = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let control = free.local_addr().unwrap();
+    drop(free);
+    let line = format!("up {at}/wall.toml --scene {at}/scene.toml --control {control}");
+    let environment = [("DISPLAY", display.name.as_str()), ("LP_NUM_THREADS", "1")];
+    let mut running = command::start_with(line.split_whitespace(), &environment);
+    let deadline = std::time::Instant::now() + command::PATIENCE;
+    let due: Vec<(u32, [u32; 2])> = [
+        ("node0", [22, 42]),
+        ("node1", [302, 42]),
+        ("node2", [102, 202]),
+    ]
+    .map(|(host, block_px)| (node::identity("test", host, "out"), block_px))
+    .to_vec();
+    loop {
+        assert!(
+            !running.has_ended() && std::time::Instant::now() < deadline,
+            "not every output could be read off the screen"
+        );
+        let words = format!("pattern identify --control {control}");
+        let _not_yet_there = command::run(words.split_whitespace());
+        std::thread::sleep(std::time::Duration::from_millis(200));
+        let screen = image::DynamicImage::ImageRgb8(display.screenshot()).to_rgba8();
+        let (width, height) = screen.dimensions();
+        let found = node::read_identities(screen.as_raw(), width, height);
+        let found: Vec<(u32, [u32; 2])> = found
+            .iter()
+            .map(|found| (found.number, found.block_px))
+            .collect();
+        if due.iter().all(|output| found.contains(output)) {
+            assert_eq!(found.len(), due.len(), "{found:?}");
+            break;
+        }
+    }
+    running.signal("INT");
+    let ran = running.wait();
+    assert_eq!(ran.code, Some(0), "{}", ran.stderr);
+}

@@ -14,7 +14,7 @@ mod ramps;
 mod windows;
 
 use crate::args::Check;
-use crate::failure::Failure;
+use crate::failure::{Failure, OrConfiguration as _};
 use crate::{output, plan};
 
 use super::files;
@@ -23,7 +23,8 @@ use findings::{Findings, ScreenFindings};
 /// Validates a wall.
 pub(crate) fn run(args: &Check) -> Result<(), Failure> {
     let wall = files::wall(&args.wall)?;
-    let surfaces = node::surfaces(&wall)?;
+    let surfaces = node::surfaces(&wall).or_configuration()?;
+    node::check_files(&wall).or_configuration()?;
     let findings = Findings::new(&wall, &surfaces);
     if let Some(path) = &args.plan {
         output::file(path, plan::room_plan(&wall, &surfaces).as_bytes())?;

@@ -105,31 +105,37 @@ impl Gather<'_> {
             .filter(|eye| blocks.iter().any(|planned| planned.eye == *eye))
             .count();
         let eyes = eyes.max(1);
-        let most_visible = Most {
+        let all = Most {
             // Half, so that the geometries of two scenes fit.
-            leaves: self.geometries.capacity() / 2 / eyes,
-            tiles: self.textures.most_tiles() / eyes,
+            leaves: self.geometries.capacity() / 2,
+            tiles: self.textures.most_tiles(),
         };
-        let mut sights = Vec::with_capacity(eyes);
-        let mut tiles = 0;
-        for (index, eye) in view.eyes.iter().enumerate() {
-            let of_eye: Vec<usize> = (0..blocks.len())
-                .filter(|block| blocks[*block].eye == index)
-                .collect();
-            if of_eye.is_empty() {
-                continue;
-            }
-            let density = view.pixels_per_radian;
-            let deepest = self.scene.data.deepest_level;
-            let sight = self.see(*eye, density, &of_eye, blocks, most_visible, deepest);
+        // Eyes of one room see almost the same tiles: what counts is how many there are together. Eyes that see
+        // different ones share alike.
+        let mut most_visible = all;
+        let mut sights = self.sights(view, blocks, most_visible);
+        let mut together = together(&sights);
+        // Where their neighbours differ, two eyes have a tile each: hence the reserve.
+        let shared = Most {
+            leaves: all.leaves / 5 * 4,
+            tiles: all.tiles / 5 * 4,
+        };
+        if eyes > 1 && !self.fits(&together, shared) {
+            most_visible = Most {
+                leaves: all.leaves / eyes,
+                tiles: all.tiles / eyes,
+            };
+            sights = self.sights(view, blocks, most_visible);
+            together = self::together(&sights);
+        }
+        let tiles = self.distinct_tiles(&together.1);
+        for (_, _, sight) in &sights {
             let selection = &sight.selection;
             self.statistics.selected_tiles += selection.leaves().len() as u32;
             self.statistics.achieved_tile_px = self
                 .statistics
                 .achieved_tile_px
                 .max(selection.achieved_tile_px());
-            tiles += self.distinct_tiles(&sight.visible);
-            sights.push((*eye, of_eye, sight));
         }
         // Beside what is drawn, some of what was: a viewer comes back, and ancestors stand in.
         let room = tiles * if self.shares { 5 } else { 3 } / 2 + 32;
@@ -172,6 +178,33 @@ impl Gather<'_> {
             }
         }
         Ok((draws, records))
+    }
+
+    /// What each eye sees that has any block: the eye, its blocks, its leaves.
+    fn sights(
+        &self,
+        view: &ViewPoint,
+        blocks: &[PlannedBlock],
+        most_visible: Most,
+    ) -> Vec<(DVec3, Vec<usize>, Sight)> {
+        let eyes = view.eyes.iter().enumerate();
+        let sights = eyes.filter_map(|(index, eye)| {
+            let of_eye: Vec<usize> = (0..blocks.len())
+                .filter(|block| blocks[*block].eye == index)
+                .collect();
+            let density = view.pixels_per_radian;
+            let deepest = self.scene.data.deepest_level;
+            (!of_eye.is_empty()).then(|| {
+                let sight = self.see(*eye, density, &of_eye, blocks, most_visible, deepest);
+                (*eye, of_eye, sight)
+            })
+        });
+        sights.collect()
+    }
+
+    /// Whether budgets hold leaves with those around them, and what visible leaves show.
+    fn fits(&self, (leaves, visible): &(Vec<Tile>, Vec<Tile>), most: Most) -> bool {
+        leaves.len() <= most.leaves && self.distinct_tiles(visible) <= most.tiles
     }
 
     /// From this far away the roots are flat enough.
@@ -326,6 +359,20 @@ impl Gather<'_> {
             None => !self.worked || Instant::now() < self.upload_until,
         }
     }
+}
+
+/// The leaves of all sights with those around them, and the visible ones among them: each once.
+fn together(sights: &[(DVec3, Vec<usize>, Sight)]) -> (Vec<Tile>, Vec<Tile>) {
+    let once = |mut tiles: Vec<Tile>| {
+        tiles.sort_unstable();
+        tiles.dedup();
+        tiles
+    };
+    let around = sights
+        .iter()
+        .flat_map(|(_, _, sight)| terrain::ring(&sight.selection, &sight.visible));
+    let visible = sights.iter().flat_map(|(_, _, sight)| &sight.visible);
+    (once(around.collect()), once(visible.copied().collect()))
 }
 
 /// Where the lattice of `leaf` lies in the layer of `shown`, itself or an ancestor: offset, scale, layer.

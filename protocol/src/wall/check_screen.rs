@@ -123,7 +123,9 @@ fn check_curved(key: &str, screen: &Screen, observer: &Observer) -> Result<(), P
             error.to_string(),
         )
     })?;
-    if screens::pixel_density(&shape, screen.size_px, DVec3::from(observer.head_m)).is_none() {
+    // From outside, a part of it is seen from behind.
+    let seen = screens::pixel_density(&shape, screen.size_px, DVec3::from(observer.head_m));
+    if seen.is_none_or(|seen| seen.seen_share < 1.0) {
         return Err(Problem::new(
             Fault::Geometry,
             key,
