@@ -319,12 +319,6 @@ fn wrong_rooms_are_named_with_a_remedy() {
         ),
         (
             &dome,
-            "head_m = [0.0, 1.4, 0.6]",
-            "head_m = [0.0, 1.4, 40.0]",
-            vec!["head", "inside"],
-        ),
-        (
-            &dome,
             "kind = \"sphere\"",
             "kind = \"ball\"",
             vec!["kind", "sphere"],

@@ -114,7 +114,7 @@ impl Finisher {
         for (index, plan) in outputs.iter().enumerate() {
             if let Some(stereo) = plan.stereo {
                 self.of_output.insert(index, jobs.len() as u64);
-                jobs.push(Job::Stereo(stereo_uniform(stereo, plan.size_px)));
+                jobs.push(Job::Stereo(stereo_uniform(stereo, plan)));
             }
         }
         let words: Vec<[u32; WORDS]> = jobs.iter().map(words_of).collect();
@@ -386,7 +386,7 @@ fn rows_of(screen: &PlanarScreen) -> [Vec3; 3] {
     [across, down, -out].map(vector_f32)
 }
 
-fn stereo_uniform(stereo: StereoPlan, size: [u32; 2]) -> StereoUniform {
+fn stereo_uniform(stereo: StereoPlan, plan: &OutputPlan) -> StereoUniform {
     let (mode, left) = match stereo.mode {
         StereoMode::SideBySide => (0, [false; 3]),
         StereoMode::TopBottom => (1, [false; 3]),
@@ -399,8 +399,8 @@ fn stereo_uniform(stereo: StereoPlan, size: [u32; 2]) -> StereoUniform {
     StereoUniform {
         mode,
         swapped: u32::from(stereo.swapped),
-        size,
-        left: [red, green, blue, 0.0],
+        size: plan.size_px,
+        left: [red, green, blue, plan.gamma.map_or(0.0, scalar_f32)],
     }
 }
 

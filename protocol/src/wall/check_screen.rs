@@ -123,9 +123,8 @@ fn check_curved(key: &str, screen: &Screen, observer: &Observer) -> Result<(), P
             error.to_string(),
         )
     })?;
-    // From outside, a part of it is seen from behind.
-    let seen = screens::pixel_density(&shape, screen.size_px, DVec3::from(observer.head_m));
-    if seen.is_none_or(|seen| seen.seen_share < 1.0) {
+    // A head that sees a part of it from behind is odd, and may be meant.
+    if screens::pixel_density(&shape, screen.size_px, DVec3::from(observer.head_m)).is_none() {
         return Err(Problem::new(
             Fault::Geometry,
             key,

@@ -63,6 +63,6 @@ pub struct StereoUniform {
     pub swapped: u32,
     /// Width and height in pixels.
     pub size: [u32; 2],
-    /// By colour: 1 for each component that is the left eye's.
+    /// By colour: 1 for each component that is the left eye's. Then the exponent of the display; 0 for the sRGB curve.
     pub left: [f32; 4],
 }

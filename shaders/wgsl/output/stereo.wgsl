@@ -10,7 +10,7 @@ struct Stereo {
     // 1 where each picture takes the other's place.
     swapped: u32,
     size: vec2<u32>,
-    // By colour: 1 for each component that is the left eye's.
+    // By colour: 1 for each component that is the left eye's. Then the exponent of the display; 0 for the sRGB curve.
     left: vec4<f32>,
 }
 
@@ -32,6 +32,8 @@ fn eye_at(pixel: vec2<u32>, right: bool) -> vec3<f32> {
 
 // The mean light of two pixels: half as many must stand for all.
 fn mean(a: vec3<f32>, b: vec3<f32>) -> vec3<f32> {
+    let gamma = stereo.left.w;
+    if gamma > 0.0 { return to_value(0.5 * (pow(a, vec3<f32>(gamma)) + pow(b, vec3<f32>(gamma))), gamma); }
     return to_value(0.5 * (to_light(a) + to_light(b)), 0.0);
 }
 
