@@ -26,6 +26,10 @@ fn every_shipped_wall_is_valid() {
     let mut count = 0;
     for entry in std::fs::read_dir(configs().join("walls")).unwrap() {
         let path = entry.unwrap().path();
+        // Beside walls lie the calibrations that they name.
+        if path.extension().is_none_or(|extension| extension != "toml") {
+            continue;
+        }
         let text = std::fs::read_to_string(&path).unwrap();
         let wall = Wall::parse(&text, &path.to_string_lossy()).unwrap();
         assert_eq!(
@@ -35,7 +39,7 @@ fn every_shipped_wall_is_valid() {
         wall.validate().unwrap();
         count += 1;
     }
-    assert!(count >= 3);
+    assert!(count >= 8, "only {count}");
 }
 
 #[test]
