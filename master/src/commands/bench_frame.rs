@@ -1,12 +1,15 @@
 //! `terrawall bench frame`: what a frame of 1280×720 with elevation and imagery costs on the local adapter.
 //!
 //! In: the imported data. Out: milliseconds of moving frames over the globe and at 500 km, whether a still frame is
-//! drawn at all, and how long a cold start takes to converge. No network takes part.
+//! drawn at all, how long a cold start takes to converge, and what warping adds on a curved screen. No network takes
+//! part.
+
+mod warped;
 
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-use node::{Picture, PictureRequest};
+use node::{Picture, PictureRequest, WallPictureMaker};
 use protocol::message::ErrorMeasured;
 use protocol::report::ErrorReport;
 use protocol::wall::Viewers;
@@ -17,6 +20,7 @@ use crate::args::BenchFrame;
 use crate::failure::Failure;
 use crate::plot::{Plot, Series};
 use crate::{interrupt, output};
+use warped::WarpFigures;
 
 /// A picture that has not converged by then never will.
 const PATIENCE: Duration = Duration::from_secs(60);
@@ -54,6 +58,7 @@ pub(crate) struct Figures {
     /// From opening the adapter to a converged globe, nothing being cached, in milliseconds.
     cold_start_ms: f64,
     views: Vec<ViewFigures>,
+    warp: WarpFigures,
     /// Of the last picture of each view.
     error_px: ErrorReport,
 }
@@ -115,6 +120,7 @@ pub(crate) fn print(figures: &Figures) -> Result<(), Failure> {
         error.views,
         error.tau
     ))?;
+    output::line(figures.warp.line())?;
     output::line(format!(
         "cold start to a converged globe: {:.0} ms ({})",
         figures.cold_start_ms, figures.adapter
@@ -142,45 +148,31 @@ pub(crate) fn plot(figures: &Figures) -> Plot {
 
 /// Measures `frames` moving and as many still frames of each view.
 pub(crate) fn measure(data: &Path, frames: u32) -> Result<Figures, Failure> {
-    let mut wall = Wall::parse(WALL, "the wall of the bench")?;
     let scene = scene(data)?;
-    // A cold start has no cache, not even one that an earlier run left.
-    let cache = tempfile::tempdir().map_err(Failure::failed)?;
-    wall.cache.directory = Some(cache.path().to_string_lossy().into_owned());
     let start = Instant::now();
-    let mut maker = node::WallPictureMaker::open(None)?;
+    let mut maker = WallPictureMaker::open(None)?;
     let adapter = node::PictureMaker::adapter(&maker);
-    let error_px = ErrorReport::new(scene.mesh.tau);
-    let mut bench = Bench {
-        picture: node::PictureMaker::make(
-            &mut maker,
-            PictureRequest {
-                wall: &wall,
-                host: 0,
-                windows: vec![None],
-            },
-        )?,
-        viewers: node::viewers(&wall)?,
-        scene,
-        frame: 0,
-        error_px,
-    };
+    let mut bench = Bench::open(&mut maker, WALL, scene)?;
     // The rival's paths: 0.01 rad a frame around the globe, 0.003 rad at 500 km.
     let globe = orbit(20.0, 12e6, 0.01);
-    let near = orbit(45.0, 500e3, 0.003);
     bench.scene.camera = globe.clone();
     bench.picture.prepare_scene(1, &bench.scene)?;
     bench.settle()?;
     let cold_start_ms = start.elapsed().as_secs_f64() * 1e3;
     let views = vec![
         bench.view("globe", globe, frames)?,
-        bench.view("500 km", near, frames)?,
+        bench.view("500 km", near(), frames)?,
     ];
+    let Bench {
+        scene, error_px, ..
+    } = bench;
+    let warp = warped::measure(&mut maker, scene, frames)?;
     Ok(Figures {
         adapter,
         cold_start_ms,
         views,
-        error_px: bench.error_px,
+        warp,
+        error_px,
     })
 }
 
@@ -190,9 +182,31 @@ struct Bench {
     scene: Scene,
     frame: u64,
     error_px: ErrorReport,
+    _cache: tempfile::TempDir,
 }
 
 impl Bench {
+    /// A wall on an open device, with nothing in memory or on disk: a cold start has no cache, not even one that an
+    /// earlier run left.
+    fn open(maker: &mut WallPictureMaker, wall: &str, scene: Scene) -> Result<Self, Failure> {
+        let mut wall = Wall::parse(wall, "the wall of the bench")?;
+        let cache = tempfile::tempdir().map_err(Failure::failed)?;
+        wall.cache.directory = Some(cache.path().to_string_lossy().into_owned());
+        let request = PictureRequest {
+            wall: &wall,
+            host: 0,
+            windows: vec![None],
+        };
+        Ok(Self {
+            picture: node::PictureMaker::make(maker, request)?,
+            viewers: node::viewers(&wall)?,
+            error_px: ErrorReport::new(scene.mesh.tau),
+            scene,
+            frame: 0,
+            _cache: cache,
+        })
+    }
+
     /// Draws the camera's pose after so many frames.
     fn draw(&mut self, camera_frame: u32) -> Result<node::Drawn, Failure> {
         self.frame += 1;
@@ -252,21 +266,28 @@ impl Bench {
             uncovered: measure.uncovered,
             tau_px: measure.tau_px,
         });
-        let mut sorted = frames_ms.clone();
-        sorted.sort_by(f64::total_cmp);
-        let quantile = |share: f64| {
-            let index = ((sorted.len() as f64 * share).ceil() as usize).max(1) - 1;
-            sorted.get(index).copied().unwrap_or(f64::NAN)
-        };
         Ok(ViewFigures {
             name: name.to_owned(),
-            p50_ms: quantile(0.5),
-            p99_ms: quantile(0.99),
+            p50_ms: quantile(&frames_ms, 0.5),
+            p99_ms: quantile(&frames_ms, 0.99),
             triangles,
             still_frames_redrawn: redrawn,
             frames_ms,
         })
     }
+}
+
+/// The value that a share of the values does not exceed.
+fn quantile(values: &[f64], share: f64) -> f64 {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let index = ((sorted.len() as f64 * share).ceil() as usize).max(1) - 1;
+    sorted.get(index).copied().unwrap_or(f64::NAN)
+}
+
+/// The rival's path at 500 km.
+fn near() -> Camera {
+    orbit(45.0, 500e3, 0.003)
 }
 
 /// Straight down from a height, around the Earth's axis, a second of camera time being a frame.

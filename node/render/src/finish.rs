@@ -14,6 +14,7 @@ use crate::canvas::PlanarScreen;
 use crate::error::RenderError;
 use crate::gpu::Gpu;
 use crate::outputs::{ChannelPlan, ChannelSource, OutputPlan, StereoMode, StereoPlan};
+use crate::recorder::Recorder;
 use crate::renderer::{PlannedBlock, ViewPoint};
 use crate::scratch::{Growing, write_uniforms};
 use crate::target::{COLOUR, ColourTarget, OutputTarget};
@@ -125,7 +126,7 @@ impl Finisher {
     pub(crate) fn finish_block(
         &self,
         gpu: &Gpu,
-        encoder: &mut wgpu::CommandEncoder,
+        recorder: &mut Recorder<'_>,
         (index, planned): (usize, &PlannedBlock),
         (channel, view): (&ChannelPlan, &ViewPoint),
         drawn: &ColourTarget,
@@ -140,7 +141,7 @@ impl Finisher {
         let light = maps.light.as_ref().unwrap_or(&self.no_light);
         let texture = wgpu::BindingResource::TextureView;
         let place = channel.output_px;
-        let (pipeline, resources, rect) = match (&channel.source, &maps.points) {
+        let (stage, resources, rect) = match (&channel.source, &maps.points) {
             (ChannelSource::Warped { warp, .. }, Some(points)) => {
                 let part = planned
                     .part
@@ -155,11 +156,7 @@ impl Finisher {
                 ];
                 let rect = part.rect_px;
                 let rect = [place.x + rect.x, place.y + rect.y, rect.width, rect.height];
-                (
-                    self.pipeline(gpu, &self.warp, Stage::Warp)?,
-                    resources,
-                    rect,
-                )
+                (Stage::Warp, resources, rect)
             }
             _ => {
                 let resources = vec![
@@ -170,23 +167,24 @@ impl Finisher {
                 let [x, y] = on_target(channel, planned);
                 let wanted = planned.block.wanted;
                 let rect = [x, y, wanted.width, wanted.height];
-                (
-                    self.pipeline(gpu, &self.lit, Stage::Light)?,
-                    resources,
-                    rect,
-                )
+                (Stage::Light, resources, rect)
             }
         };
         let into = target.picture(channel.picture);
-        draw(gpu, encoder, pipeline, &resources, into, rect);
-        Ok(())
+        let made = if stage == Stage::Warp {
+            &self.warp
+        } else {
+            &self.lit
+        };
+        let pipeline = self.pipeline(gpu, made, stage)?;
+        draw(gpu, recorder, stage, pipeline, &resources, into, rect)
     }
 
     /// Brings the pictures of both eyes together, where an output has two.
     pub(crate) fn finish_output(
         &self,
         gpu: &Gpu,
-        encoder: &mut wgpu::CommandEncoder,
+        recorder: &mut Recorder<'_>,
         index: usize,
         plan: &OutputPlan,
         target: &OutputTarget,
@@ -202,15 +200,16 @@ impl Finisher {
         ];
         let pipeline = self.pipeline(gpu, &self.stereo, Stage::Stereo)?;
         let [width, height] = plan.size_px;
+        let rect = [0, 0, width, height];
         draw(
             gpu,
-            encoder,
+            recorder,
+            Stage::Stereo,
             pipeline,
             &resources,
             &target.view,
-            [0, 0, width, height],
-        );
-        Ok(())
+            rect,
+        )
     }
 
     fn uniform(&self, job: u64, bytes: usize) -> Result<wgpu::BindingResource<'_>, RenderError> {
@@ -273,12 +272,13 @@ pub(crate) fn full_screen_pipeline(
 /// Draws into a rectangle of a picture, and leaves the rest of it as it is.
 fn draw(
     gpu: &Gpu,
-    encoder: &mut wgpu::CommandEncoder,
+    recorder: &mut Recorder<'_>,
+    stage: Stage,
     pipeline: &wgpu::RenderPipeline,
     resources: &[(u32, wgpu::BindingResource<'_>)],
     into: &wgpu::TextureView,
     [x, y, width, height]: [u32; 4],
-) {
+) -> Result<(), RenderError> {
     let entries: Vec<_> = resources
         .iter()
         .map(|(binding, resource)| wgpu::BindGroupEntry {
@@ -291,23 +291,12 @@ fn draw(
         layout: &pipeline.get_bind_group_layout(0),
         entries: &entries,
     });
-    let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
-        label: Some("finish"),
-        color_attachments: &[Some(wgpu::RenderPassColorAttachment {
-            view: into,
-            depth_slice: None,
-            resolve_target: None,
-            ops: wgpu::Operations {
-                load: wgpu::LoadOp::Load,
-                store: wgpu::StoreOp::Store,
-            },
-        })],
-        ..wgpu::RenderPassDescriptor::default()
-    });
-    pass.set_scissor_rect(x, y, width, height);
-    pass.set_pipeline(pipeline);
-    pass.set_bind_group(0, &bindings, &[]);
-    pass.draw(0..3, 0..1);
+    recorder.render_pass(stage.name(), into, |pass| {
+        pass.set_scissor_rect(x, y, width, height);
+        pass.set_pipeline(pipeline);
+        pass.set_bind_group(0, &bindings, &[]);
+        pass.draw(0..3, 0..1);
+    })
 }
 
 /// Where the wanted part of a block lies in its channel's picture.

@@ -19,6 +19,7 @@ use crate::outputs::{
     ChannelPlan, ChannelSource, LightMap, OutputPlan, StereoMode, StereoPlan, Uplift, WarpMap,
     WarpPart,
 };
+use crate::recorder::Recorder;
 use crate::renderer::{EyeView, PlannedBlock, ViewPoint};
 use crate::target::{COLOUR, ColourTarget, LIGHT, OutputTarget, Picture};
 use crate::test_planet::empty_output;
@@ -107,15 +108,14 @@ fn finished(gpu: &Gpu, plan: &OutputPlan, view: &ViewPoint, pictures: &[ColourTa
     let size = [pictures[0].texture.width(), pictures[0].texture.height()];
     finisher.prepare(gpu, &[plan], view, &blocks, &|_| size);
     let target = OutputTarget::new(gpu, plan).unwrap();
-    let mut encoder = gpu
-        .device
-        .create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+    let mut untimed = None;
+    let mut recorder = Recorder::new(gpu, &mut untimed);
     for (number, (block, picture)) in blocks.iter().zip(pictures).enumerate() {
         let channel = &plan.channels[block.channel];
         finisher
             .finish_block(
                 gpu,
-                &mut encoder,
+                &mut recorder,
                 (number, block),
                 (channel, view),
                 picture,
@@ -124,9 +124,9 @@ fn finished(gpu: &Gpu, plan: &OutputPlan, view: &ViewPoint, pictures: &[ColourTa
             .unwrap();
     }
     finisher
-        .finish_output(gpu, &mut encoder, 0, plan, &target)
+        .finish_output(gpu, &mut recorder, 0, plan, &target)
         .unwrap();
-    gpu.queue.submit([encoder.finish()]);
+    recorder.finish().unwrap();
     target.read(gpu, "test").unwrap()
 }
 

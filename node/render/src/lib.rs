@@ -23,6 +23,7 @@ mod pool;
 mod process;
 mod ranges;
 mod readback;
+mod recorder;
 mod refine;
 mod refining;
 mod renderer;

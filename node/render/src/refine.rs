@@ -17,13 +17,12 @@ use self::pipelines::Pipelines;
 use self::writing::{Targets, Writing};
 
 pub(crate) use self::buffers::GeometryBuffers;
-pub(crate) use self::times::PassTimes;
+use crate::recorder::PassTimes;
 
 mod buffers;
 mod fill;
 mod marking;
 mod pipelines;
-mod times;
 mod writing;
 
 #[cfg(test)]

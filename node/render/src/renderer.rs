@@ -30,7 +30,8 @@ use crate::meshes::{ARGUMENT_WORDS, Meshes};
 use crate::outputs::OutputPlan;
 use crate::pipelines::Pipelines;
 use crate::process::Processor;
-use crate::refine::{PassTimes, Refiner};
+use crate::recorder::{PassTimes, Recorder};
+use crate::refine::Refiner;
 use crate::refining::{Refined, TauSteps};
 use crate::source::Source;
 use crate::target::{BlockTarget, OutputTarget, Picture};
@@ -429,10 +430,7 @@ impl Renderer {
             true => Some(self.pipelines.wireframe(&self.gpu)?),
             false => None,
         };
-        let mut encoder = self
-            .gpu
-            .device
-            .create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        let mut recorder = Recorder::new(&self.gpu, &mut self.times);
         let layouts = block_layouts(&self.outputs, blocks);
         for ((_, _, scratch), layout) in self.outputs.iter_mut().zip(&layouts) {
             // A tracked head can lose or find a screen, and with it the blocks of an output.
@@ -453,7 +451,7 @@ impl Renderer {
             .prepare(&self.gpu, &plans, view, blocks, &size_of_scratch);
         for (output, picture) in dark_pictures(outputs, blocks) {
             if let Some((_, target, _)) = outputs.get(output) {
-                clear(&mut encoder, target.picture(picture));
+                clear(&mut recorder.encoder, target.picture(picture));
             }
         }
         for (index, (planned, draws)) in blocks.iter().zip(draws).enumerate() {
@@ -465,27 +463,29 @@ impl Renderer {
                 .colour
                 .as_ref()
                 .map_or(&target.view, |drawn| &drawn.view);
-            let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
-                label: Some("block"),
-                color_attachments: &[Some(wgpu::RenderPassColorAttachment {
-                    view: colour,
-                    depth_slice: None,
-                    resolve_target: None,
-                    ops: wgpu::Operations {
-                        load: wgpu::LoadOp::Clear(wgpu::Color::BLACK),
-                        store: wgpu::StoreOp::Store,
-                    },
-                })],
-                depth_stencil_attachment: Some(wgpu::RenderPassDepthStencilAttachment {
-                    view: &scratch.depth,
-                    depth_ops: Some(wgpu::Operations {
-                        load: wgpu::LoadOp::Clear(0.0),
-                        store: wgpu::StoreOp::Discard,
+            let mut pass = recorder
+                .encoder
+                .begin_render_pass(&wgpu::RenderPassDescriptor {
+                    label: Some("block"),
+                    color_attachments: &[Some(wgpu::RenderPassColorAttachment {
+                        view: colour,
+                        depth_slice: None,
+                        resolve_target: None,
+                        ops: wgpu::Operations {
+                            load: wgpu::LoadOp::Clear(wgpu::Color::BLACK),
+                            store: wgpu::StoreOp::Store,
+                        },
+                    })],
+                    depth_stencil_attachment: Some(wgpu::RenderPassDepthStencilAttachment {
+                        view: &scratch.depth,
+                        depth_ops: Some(wgpu::Operations {
+                            load: wgpu::LoadOp::Clear(0.0),
+                            store: wgpu::StoreOp::Discard,
+                        }),
+                        stencil_ops: None,
                     }),
-                    stencil_ops: None,
-                }),
-                ..wgpu::RenderPassDescriptor::default()
-            });
+                    ..wgpu::RenderPassDescriptor::default()
+                });
             pass.set_viewport(
                 0.0,
                 0.0,
@@ -525,12 +525,18 @@ impl Renderer {
             {
                 if channel.is_plain(plan) {
                     let texture = target.picture_texture(channel.picture);
-                    copy_block(&mut encoder, &drawn.texture, texture, channel, planned);
+                    copy_block(
+                        &mut recorder.encoder,
+                        &drawn.texture,
+                        texture,
+                        channel,
+                        planned,
+                    );
                 } else {
                     let (block, channel) = ((index, planned), (channel, view));
                     self.finisher.finish_block(
                         &self.gpu,
-                        &mut encoder,
+                        &mut recorder,
                         block,
                         channel,
                         drawn,
@@ -541,9 +547,9 @@ impl Renderer {
         }
         for (index, (plan, target, _)) in outputs.iter().enumerate() {
             self.finisher
-                .finish_output(&self.gpu, &mut encoder, index, plan, target)?;
+                .finish_output(&self.gpu, &mut recorder, index, plan, target)?;
         }
-        self.gpu.queue.submit([encoder.finish()]);
+        recorder.finish()?;
         self.write_instead();
         self.gpu.queue.submit([]);
         self.gpu.wait()?;

@@ -5,11 +5,11 @@ use shaders::{LeafHeightsUniform, RefineLevelUniform};
 
 use crate::error::RenderError;
 use crate::gpu::Gpu;
+use crate::recorder::{PassTimes, Recorder};
 use crate::refine::buffers::GeometryBuffers;
 use crate::refine::pipelines::{
     HEIGHTS, HEIGHTS_RESAMPLED, PYRAMID_11, PYRAMID_12, PYRAMID_COARSE, PYRAMID_FINE, Pipelines,
 };
-use crate::refine::times::{PassTimes, Recorder};
 use crate::refine::{HeightsJob, missing};
 use crate::scratch::{Growing, bind, write_uniforms};
 

@@ -7,12 +7,12 @@ use terrain::LeafCount;
 
 use crate::error::RenderError;
 use crate::gpu::Gpu;
+use crate::recorder::{PassTimes, Recorder, read_mapped};
 use crate::refine::buffers::GeometryBuffers;
 use crate::refine::fill::marks_of_level;
 use crate::refine::pipelines::{
     ADVANCE, BOTTOM_UP, COUNT_LEAVES, COUNT_WORDS, Pipelines, SEED_MARKS, TOP_DOWN,
 };
-use crate::refine::times::{PassTimes, Recorder, read_mapped};
 use crate::refine::{MarkLimits, Marked, Method, missing};
 use crate::scratch::{Growing, bind, write_uniforms};
 

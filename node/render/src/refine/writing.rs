@@ -9,11 +9,11 @@ use shaders::{Emission, EmitLeaf};
 
 use crate::error::RenderError;
 use crate::gpu::Gpu;
+use crate::recorder::{PassTimes, Recorder};
 use crate::refine::buffers::GeometryBuffers;
 use crate::refine::marking::Marking;
 use crate::refine::missing;
 use crate::refine::pipelines::{COMPACT, EMIT, Pipelines};
-use crate::refine::times::{PassTimes, Recorder};
 use crate::scratch::{Growing, bind};
 
 /// Bytes of an entry of the list of vertices.

@@ -10,7 +10,8 @@ use crate::error::RenderError;
 use crate::gpu::Gpu;
 use crate::process::SLOT_SIDE;
 use crate::readback::read_buffer;
-use crate::refine::{GeometryBuffers, HeightsJob, MarkLimits, Marked, Method, PassTimes, Refiner};
+use crate::recorder::PassTimes;
+use crate::refine::{GeometryBuffers, HeightsJob, MarkLimits, Marked, Method, Refiner};
 
 /// No limit.
 pub(super) const ANYTHING: u32 = u32::MAX;

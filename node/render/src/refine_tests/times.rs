@@ -8,7 +8,8 @@ use terrain::Marks;
 use super::ground::Ground;
 use super::rig::{ANYTHING, Place, Rig, UNIT_M};
 use crate::device_tests::device;
-use crate::refine::{Marked, Method, PassTimes};
+use crate::recorder::PassTimes;
+use crate::refine::{Marked, Method};
 
 /// The least of several sums of each label, in milliseconds.
 fn least(rounds: &[Vec<(&'static str, f64)>]) -> Vec<(&'static str, f64)> {

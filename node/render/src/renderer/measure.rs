@@ -121,7 +121,7 @@ impl Renderer {
 
     /// Whether times of passes are taken from now on. What was taken is dropped.
     pub fn time_passes(&mut self, on: bool) {
-        self.times = on.then(|| crate::refine::PassTimes::new(&self.gpu));
+        self.times = on.then(|| crate::recorder::PassTimes::new(&self.gpu));
     }
 
     /// What passes took since the last call, in the order of their running.

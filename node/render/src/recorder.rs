@@ -123,6 +123,59 @@ impl<'a> Recorder<'a> {
         label: &'static str,
         run: impl FnOnce(&mut wgpu::ComputePass<'_>),
     ) -> Result<(), RenderError> {
+        self.timed(label, |encoder, stamps| {
+            let timestamp_writes =
+                stamps.map(|(query_set, first)| wgpu::ComputePassTimestampWrites {
+                    query_set,
+                    beginning_of_pass_write_index: Some(first),
+                    end_of_pass_write_index: Some(first + 1),
+                });
+            run(
+                &mut encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
+                    label: Some(label),
+                    timestamp_writes,
+                }),
+            );
+        })
+    }
+
+    /// One pass that draws over all of what `into` holds, or over a part of it.
+    pub(crate) fn render_pass(
+        &mut self,
+        label: &'static str,
+        into: &wgpu::TextureView,
+        run: impl FnOnce(&mut wgpu::RenderPass<'_>),
+    ) -> Result<(), RenderError> {
+        self.timed(label, |encoder, stamps| {
+            let timestamp_writes =
+                stamps.map(|(query_set, first)| wgpu::RenderPassTimestampWrites {
+                    query_set,
+                    beginning_of_pass_write_index: Some(first),
+                    end_of_pass_write_index: Some(first + 1),
+                });
+            run(&mut encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+                label: Some(label),
+                color_attachments: &[Some(wgpu::RenderPassColorAttachment {
+                    view: into,
+                    depth_slice: None,
+                    resolve_target: None,
+                    ops: wgpu::Operations {
+                        load: wgpu::LoadOp::Load,
+                        store: wgpu::StoreOp::Store,
+                    },
+                })],
+                timestamp_writes,
+                ..wgpu::RenderPassDescriptor::default()
+            }));
+        })
+    }
+
+    /// Encodes one pass; the device's queries for it are those at the number given and at the next.
+    fn timed(
+        &mut self,
+        label: &'static str,
+        encode: impl FnOnce(&mut wgpu::CommandEncoder, Option<(&wgpu::QuerySet, u32)>),
+    ) -> Result<(), RenderError> {
         let waits = self
             .times
             .as_ref()
@@ -132,24 +185,14 @@ impl<'a> Recorder<'a> {
         }
         let number = self.labels.len() as u32;
         let clock = self.times.as_ref().and_then(|times| times.device.as_ref());
-        let timestamp_writes =
-            clock
-                .filter(|_| number < MOST_PASSES)
-                .map(|clock| wgpu::ComputePassTimestampWrites {
-                    query_set: &clock.queries,
-                    beginning_of_pass_write_index: Some(2 * number),
-                    end_of_pass_write_index: Some(2 * number + 1),
-                });
-        if timestamp_writes.is_some() {
+        let stamps = clock
+            .filter(|_| number < MOST_PASSES)
+            .map(|clock| (&clock.queries, 2 * number));
+        if stamps.is_some() {
             self.labels.push(label);
         }
         let before = Instant::now();
-        run(&mut self
-            .encoder
-            .begin_compute_pass(&wgpu::ComputePassDescriptor {
-                label: Some(label),
-                timestamp_writes,
-            }));
+        encode(&mut self.encoder, stamps);
         if waits {
             self.flush()?;
             let ms = before.elapsed().as_secs_f64() * 1e3;
@@ -190,7 +233,7 @@ impl<'a> Recorder<'a> {
 fn encoder(gpu: &Gpu) -> wgpu::CommandEncoder {
     gpu.device
         .create_command_encoder(&wgpu::CommandEncoderDescriptor {
-            label: Some("refine"),
+            label: Some("passes"),
         })
 }
 
