@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use serde_json::Value;
 use tests::command::{self, Running};
 use tests::{data, pictures};
-use tracking::sim::VrpnServer;
+use tracking::sim::{SimBody, VrpnServer, dtrack_packet};
 
 /// Size of each of the two outputs.
 const SIZE: [u32; 2] = [160, 120];
@@ -286,4 +286,62 @@ fn a_tracked_head_is_followed_through_silence_jumps_and_rubbish() {
             "{words}: {tracker:#}"
         );
     }
+}
+
+#[test]
+fn a_head_that_dtrack_measures_is_followed_whatever_else_the_port_hears() {
+    let _alone = command::alone();
+    if !data::driver() {
+        return;
+    }
+    let port = {
+        let free = std::net::UdpSocket::bind("127.0.0.1:0").unwrap();
+        free.local_addr().unwrap().port()
+    };
+    // Millimetres, as DTrack sends them; the glasses' mark is 6 cm above the eyes.
+    let tracker = format!(
+        "[[trackers]]\nname = \"glasses\"\nkind = \"dtrack\"\nsource = \"127.0.0.1:{port}\"\nbody = 1\n\
+         to_head = {{ offset_m = [0.0, -0.06, 0.0] }}\n"
+    );
+    let head_m = [0.4, 1.7, 1.6];
+    let (sending, sender) = (
+        std::sync::atomic::AtomicBool::new(true),
+        std::net::UdpSocket::bind("127.0.0.1:0").unwrap(),
+    );
+    let body = |id, position_mm| SimBody {
+        id,
+        position_mm,
+        orientation: [0.0, 0.0, 0.0, 1.0],
+    };
+    let show = Show::start(&wall([0.0, 1.5, 2.0], -1.2, &tracker), 120);
+    let (tracked, report) = std::thread::scope(|scope| {
+        scope.spawn(|| {
+            let mut frame = 0;
+            while sending.load(std::sync::atomic::Ordering::Relaxed) {
+                frame += 1;
+                let bodies = [body(0, [0.0, 900.0, 0.0]), body(1, [400.0, 1760.0, 1600.0])];
+                let packet = dtrack_packet(frame, f64::from(frame) * 0.01, &bodies, &[]);
+                // Nobody may listen yet: the system then says so at the next packet.
+                let _ = sender.send_to(packet.as_bytes(), ("127.0.0.1", port));
+                if frame % 50 == 0 {
+                    let _ = sender.send_to(b"6d 900000000 [1 2", ("127.0.0.1", port));
+                }
+                std::thread::sleep(Duration::from_millis(10));
+            }
+        });
+        let (tracked, report, _) = show.finish();
+        sending.store(false, std::sync::atomic::Ordering::Relaxed);
+        (tracked, report)
+    });
+    let (there, _, _) = Show::start(&wall(head_m, -1.2, ""), 2).finish();
+    let near = mean_difference(&tracked, &there);
+    eprintln!("off a head that stands there by {near:.3} of 255");
+    assert!(near < 0.5, "{near}");
+    let tracker = &report["trackers"][0];
+    assert_eq!(tracker["state"], "tracked", "{tracker:#}");
+    assert!(tracker["measurements"].as_u64() > Some(100), "{tracker:#}");
+    assert!(
+        tracker["events"].to_string().contains("no DTrack packet"),
+        "the rubbish is not named: {tracker:#}"
+    );
 }
