@@ -6,6 +6,7 @@
 mod control;
 mod import;
 mod refine;
+mod serve;
 mod values;
 mod verify;
 
@@ -17,6 +18,7 @@ use clap::{Args as ArgumentGroup, Parser, Subcommand};
 pub(crate) use control::{Adjust, Control, RunningMaster, Set, ShowPattern};
 pub(crate) use import::{ByteOrder, DataKind, Import, Planet, RawType, Registration};
 pub(crate) use refine::{BenchRefine, RefineMethod};
+pub(crate) use serve::Serve;
 pub(crate) use values::{Position, Size};
 use values::{frames_per_second, pixel_share, seconds, wall_system};
 pub(crate) use verify::Verify;
@@ -59,6 +61,8 @@ pub(crate) enum Command {
     Verify(Verify),
     /// Tells what is in a repository or a tile, checksums and single values included
     Inspect(Inspect),
+    /// Serves a repository, or a directory of them, over HTTP to the nodes of walls
+    Serve(Serve),
     /// Measures this build on this machine
     #[command(subcommand)]
     Bench(Bench),

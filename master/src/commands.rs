@@ -19,6 +19,7 @@ mod local;
 mod node;
 mod notices;
 mod pictures;
+mod serve;
 mod set;
 mod show;
 mod synthetic;
@@ -41,6 +42,7 @@ pub(crate) fn run(command: Command) -> Result<(), Failure> {
         Command::Convert(args) => convert::run(&args),
         Command::Verify(args) => verify::run(&args),
         Command::Inspect(args) => inspect::run(&args),
+        Command::Serve(args) => serve::run(&args),
         Command::Bench(args) => bench::run(args),
         Command::Identity(args) => identity::run(args),
     }

@@ -20,20 +20,30 @@ const ARROWS: &[(&str, &[&str])] = &[
     ("protocol", &["geodesy", "screens"]),
     ("link", &["protocol"]),
     ("shaders", &[]),
-    ("tiles", &["geodesy"]),
+    ("disk_cache", &[]),
+    ("tiles", &["disk_cache", "geodesy"]),
     ("terrain", &["geodesy"]),
     ("import", &["geodesy", "tiles"]),
     ("render", &["geodesy", "shaders", "terrain", "tiles"]),
+    ("repositories", &["geodesy", "tiles"]),
     (
         "node",
-        &["calibration", "link", "protocol", "render", "screens"],
+        &[
+            "calibration",
+            "link",
+            "protocol",
+            "render",
+            "repositories",
+            "screens",
+        ],
     ),
     ("tracking", &[]),
     ("convert", &[]),
+    ("serve", &["tiles"]),
     (
         "master",
         &[
-            "convert", "import", "link", "node", "protocol", "screens", "tracking",
+            "convert", "import", "link", "node", "protocol", "screens", "serve", "tracking",
         ],
     ),
 ];
@@ -51,20 +61,38 @@ const FORBIDDEN: &[(&str, &[&str])] = &[
     ("convert", &["tokio", "quinn", "wgpu", "winit", "socket2"]),
     ("tracking", &["quinn", "wgpu", "winit"]),
     ("render", &["tokio", "quinn", "rustls", "link", "protocol"]),
+    ("disk_cache", &["wgpu", "winit", "quinn", "tokio"]),
     ("tiles", &["wgpu", "winit", "quinn", "tokio"]),
     ("import", &["wgpu", "winit", "quinn", "tokio"]),
+    // What is compiled C beyond ring stays out.
+    (
+        "repositories",
+        &[
+            "wgpu",
+            "winit",
+            "quinn",
+            "aws-lc-rs",
+            "aws-lc-sys",
+            "openssl-sys",
+            "native-tls",
+        ],
+    ),
+    ("serve", &["wgpu", "winit", "quinn", "rustls", "reqwest"]),
 ];
 
 /// Package → the crates of the house that may name it.
 const CONFINED: &[(&str, &[&str])] = &[
     ("quinn", &["link"]),
-    ("rustls", &["link"]),
+    ("rustls", &["link", "repositories"]),
     ("rcgen", &["link"]),
     ("bincode", &["protocol"]),
     ("wgpu", &["render"]),
     ("anyhow", &["master", "node"]),
     ("clap", &["master"]),
-    ("axum", &["master"]),
+    ("axum", &["master", "serve"]),
+    ("tower-http", &["serve"]),
+    ("object_store", &["repositories"]),
+    ("reqwest", &["repositories"]),
     ("ureq", &["master"]),
 ];
 

@@ -157,6 +157,14 @@ impl Dataset {
         Ok(publish(root, &path, text.as_bytes(), Durability::Synced)?)
     }
 
+    /// Reads a description that was fetched from elsewhere. `place` is the address of its file, for messages.
+    ///
+    /// # Errors
+    /// [`DatasetError`], with `place` where a path would stand.
+    pub fn from_text(text: &str, place: &str) -> Result<Self, DatasetError> {
+        Self::parse(text, Path::new(place))
+    }
+
     fn parse(text: &str, path: &Path) -> Result<Self, DatasetError> {
         let syntax = |error: toml::de::Error| DatasetError::Syntax {
             path: path.to_owned(),

@@ -38,6 +38,23 @@ pub struct SourceError {
     pub source: io::Error,
 }
 
+impl SourceError {
+    /// Whether the place cannot be reached at all, whatever is asked for: nothing is wrong with the tile.
+    #[must_use]
+    pub fn is_unreachable(&self) -> bool {
+        use io::ErrorKind as Kind;
+        matches!(
+            self.source.kind(),
+            Kind::ConnectionRefused
+                | Kind::HostUnreachable
+                | Kind::NetworkDown
+                | Kind::NetworkUnreachable
+                | Kind::NotConnected
+                | Kind::TimedOut
+        )
+    }
+}
+
 /// A repository directory.
 #[derive(Clone, Debug)]
 pub struct Repository {
@@ -150,6 +167,12 @@ impl Repository {
     #[must_use]
     pub fn path_of(&self, tile: Tile) -> PathBuf {
         self.root.join(relative_path(tile))
+    }
+
+    /// The path of a tile's file under the root of any repository, for example `5/001/7ff.tile`. It is ASCII.
+    #[must_use]
+    pub fn relative_path_of(tile: Tile) -> PathBuf {
+        relative_path(tile)
     }
 
     /// Whether a tile's file exists.
