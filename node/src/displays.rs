@@ -100,7 +100,7 @@ impl Displays {
         };
         let screen = self.wall.screens.get(channel.screen).cloned();
         let screen = screen.ok_or_else(|| refuse("a channel has no screen".to_owned()))?;
-        let light = light::ramps(&channel.blend, channel.size_px);
+        let light = light::of_channel(&screen, channel);
         let (light, mapped) =
             map::of_channel(&self.wall, &screen, channel, surfaces, light).map_err(refuse)?;
         let rect = channel.output_rect();

@@ -3,10 +3,13 @@
 //! In: a wall, the PNG files of its outputs, a virtual camera at an eye. Out: the picture that light from all screens makes
 //! there. It knows where screens stand and nothing of how pictures for them are made; tests decide what is good enough.
 
+mod calibrated;
 mod camera;
+pub mod made;
 mod outputs;
 pub mod walls;
 
+use std::convert::Infallible;
 use std::path::Path;
 
 use glam::DVec3;
@@ -55,21 +58,21 @@ pub struct Compared {
 
 impl Room {
     /// Loads the captured outputs of a wall, `HOST-OUTPUT.png` in a folder. The wall is what the program had: with the
-    /// same share of pixels.
+    /// same share of pixels, and names its files as this process finds them.
     ///
     /// # Panics
-    /// For pictures that are missing or of another size, and for screens and channels whose place is in a file.
+    /// For pictures that are missing or of another size, and for files of screens and calibrations that cannot be read.
     #[must_use]
     pub fn load(wall: &Wall, folder: &Path) -> Self {
-        let surfaces = Surfaces::load(wall, |file, _| Err::<screens::Points, _>(file.to_owned()))
-            .expect("screens of known shape");
-        let shapes = (0..wall.screens.len())
+        let points = |file: &str, unit_m| Ok::<_, Infallible>(calibrated::surface(file, unit_m));
+        let Ok(surfaces) = Surfaces::load(wall, points);
+        let shapes: Vec<Shape> = (0..wall.screens.len())
             .map(|screen| surfaces.shape(screen).expect("a shape").clone())
             .collect();
         Self {
             wall: wall.clone(),
+            lit: lit(wall, &shapes, folder),
             shapes,
-            lit: lit(wall, folder),
         }
     }
 
@@ -128,11 +131,16 @@ impl Room {
             .into_iter()
             .filter(|(_, _, distance_m)| *distance_m <= nearest + SAME_SURFACE_M);
         let mut light = None;
-        for (screen, shares, _) in first {
+        for (screen, shares, distance_m) in first {
             let size_px = self.wall.screens[screen].size_px.map(f64::from);
-            let place_px = [shares[0] * size_px[0], shares[1] * size_px[1]];
+            let seen = outputs::Seen {
+                eye_m,
+                direction: direction.normalize(),
+                distance_m,
+                place_px: [shares[0] * size_px[0], shares[1] * size_px[1]],
+            };
             for lit in visible.iter().filter(|lit| lit.screen == screen) {
-                if let Some(from_here) = lit.light(place_px) {
+                if let Some(from_here) = lit.light(&seen) {
                     light = Some(light.unwrap_or_default() + from_here);
                 }
             }
@@ -196,5 +204,7 @@ fn encoded(light: DVec3) -> Rgb<u8> {
     Rgb(light.to_array().map(value))
 }
 
+#[cfg(test)]
+mod calibrated_tests;
 #[cfg(test)]
 mod tests;

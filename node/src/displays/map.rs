@@ -261,3 +261,6 @@ fn mapped(size_px: [u32; 2], point_of: &PointOf<'_>) -> Result<Mapped, String> {
     let map = WarpMap { size_px, points_m };
     Ok((Arc::new(map), Arc::new(sampled)))
 }
+
+#[cfg(test)]
+mod tests;

@@ -8,8 +8,32 @@ use glam::DVec3;
 use image::RgbImage;
 use protocol::Wall;
 use protocol::wall::{Eye, Output, Rect, Stereo};
+use screens::Shape;
 
+use super::calibrated::Mesh;
 use crate::{flip, pictures};
+
+/// Where the pixels of a channel fall.
+#[derive(Debug)]
+enum Place {
+    /// On a part of the canvas.
+    Canvas(Rect),
+    /// Where a calibration says.
+    Mesh(Mesh),
+}
+
+/// A point of a screen that an eye looks at.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Seen {
+    /// The eye in room metres.
+    pub(super) eye_m: DVec3,
+    /// Unit vector from there.
+    pub(super) direction: DVec3,
+    /// How far away the point is.
+    pub(super) distance_m: f64,
+    /// Where on the canvas it is, in pixels.
+    pub(super) place_px: [f64; 2],
+}
 
 /// What one channel lights for an eye.
 #[derive(Debug)]
@@ -20,14 +44,15 @@ pub(super) struct Lit {
     pub(super) eye: Eye,
     /// Which components are this eye's.
     pub(super) components: [bool; 3],
-    /// The part of the canvas.
-    canvas_px: Rect,
+    /// Width and height of the channel in pixels.
+    size_px: [u32; 2],
+    place: Place,
     /// Light of its pixels, row by row.
     light: Vec<DVec3>,
 }
 
-/// Everything that the outputs of a wall light.
-pub(super) fn lit(wall: &Wall, folder: &Path) -> Vec<Lit> {
+/// Everything that the outputs of a wall light, whose screens have these shapes.
+pub(super) fn lit(wall: &Wall, shapes: &[Shape], folder: &Path) -> Vec<Lit> {
     let mut all = Vec::new();
     for host in &wall.hosts {
         for output in &host.outputs {
@@ -40,11 +65,6 @@ pub(super) fn lit(wall: &Wall, folder: &Path) -> Vec<Lit> {
                 file.display()
             );
             for channel in &output.channels {
-                assert!(
-                    channel.calibration.is_none(),
-                    "only its file knows what {} lights",
-                    output.name
-                );
                 let eyes = match output.stereo {
                     Stereo::Off => vec![channel.eye],
                     _ => vec![Eye::Left, Eye::Right],
@@ -58,7 +78,13 @@ pub(super) fn lit(wall: &Wall, folder: &Path) -> Vec<Lit> {
                         screen: channel.screen,
                         eye,
                         components: components(output, eye),
-                        canvas_px: channel.canvas_px,
+                        size_px: channel.size_px,
+                        place: match &channel.calibration {
+                            None => Place::Canvas(channel.canvas_px),
+                            Some(named) => {
+                                Place::Mesh(Mesh::of(wall, channel, named, &shapes[channel.screen]))
+                            }
+                        },
                         light: pixels
                             .map(|(x, y)| whole[(y * output.size_px[0] + x) as usize])
                             .collect(),
@@ -71,12 +97,16 @@ pub(super) fn lit(wall: &Wall, folder: &Path) -> Vec<Lit> {
 }
 
 impl Lit {
-    /// The light at a place of the canvas in pixels, bilinear between the middles of pixels. `None` where the channel
-    /// does not shine.
-    pub(super) fn light(&self, place_px: [f64; 2]) -> Option<DVec3> {
-        let (width, height) = (self.canvas_px.width, self.canvas_px.height);
-        let x = place_px[0] - f64::from(self.canvas_px.x);
-        let y = place_px[1] - f64::from(self.canvas_px.y);
+    /// The light at a point of the screen, bilinear between the middles of pixels. `None` where the channel does not shine.
+    pub(super) fn light(&self, seen: &Seen) -> Option<DVec3> {
+        let [width, height] = self.size_px;
+        let [x, y] = match &self.place {
+            Place::Canvas(rect) => [
+                seen.place_px[0] - f64::from(rect.x),
+                seen.place_px[1] - f64::from(rect.y),
+            ],
+            Place::Mesh(mesh) => mesh.place_px(seen.eye_m, seen.direction, seen.distance_m)?,
+        };
         let inside = |place: f64, size: u32| (0.0..=f64::from(size)).contains(&place);
         if !(inside(x, width) && inside(y, height)) {
             return None;

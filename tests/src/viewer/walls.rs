@@ -3,6 +3,8 @@
 //! In: tables of wall files, heads, cameras. Out: texts of wall files. It runs nothing. The pose of a scene is that of the
 //! first observer's resting head: all walls made from one file keep a first observer whose head rests where it does there.
 
+use std::path::Path;
+
 use glam::DVec3;
 use toml::{Table, Value};
 
@@ -36,6 +38,30 @@ pub fn of_test(mut wall: Table, head: Option<([f64; 3], [f64; 3])>) -> String {
         observers.insert(0, rest);
     }
     wall.to_string()
+}
+
+/// A wall file that names the files of screens and calibrations in this folder so that they are found from anywhere.
+///
+/// # Panics
+/// For what is no wall file.
+#[must_use]
+pub fn with_files_from(mut wall: Table, folder: &Path) -> Table {
+    let place = |table: &mut Table| {
+        if let Some(file) = table.get_mut("file") {
+            let name = file.as_str().expect("a file's name");
+            *file = folder.join(name).display().to_string().into();
+        }
+    };
+    tables(&mut wall, "screens").for_each(place);
+    for host in tables(&mut wall, "hosts") {
+        for output in tables(host, "outputs") {
+            for channel in tables(output, "channels") {
+                let calibration = channel.get_mut("calibration").and_then(Value::as_table_mut);
+                calibration.into_iter().for_each(place);
+            }
+        }
+    }
+    wall
 }
 
 /// A wall without ramps and with a share of the pixels, which must be whole ones: for commands that draw walls as they are.
