@@ -4,7 +4,6 @@
 //! loop never parses, validates or waits for anything that comes from here.
 
 mod api;
-mod door;
 mod guard;
 mod installation;
 mod json;
@@ -15,11 +14,11 @@ use std::path::PathBuf;
 use std::thread::JoinHandle;
 use std::time::Duration;
 
+use serve::Door;
 use tokio::sync::watch;
 use tokio::time::sleep;
 
 use self::api::Api;
-use self::door::Door;
 use crate::events::EventSender;
 use crate::wall_file::WallFile;
 
@@ -29,6 +28,10 @@ pub const DEFAULT_CONTROL_ADDRESS: SocketAddr =
 
 /// Longest token.
 const MAX_TOKEN_BYTES: usize = 4_096;
+/// Connections at the same time; further ones wait in the system's queue.
+const PLACES: usize = 64;
+/// A connection on which nothing has moved for so long is cut: strangers can hold places only for moments.
+const STILLNESS: Duration = Duration::from_secs(20);
 /// How long open requests may take to end once the run is over.
 const FAREWELL: Duration = Duration::from_millis(500);
 
@@ -130,7 +133,7 @@ impl Control {
             .map_err(ControlError::System)?;
         let door = {
             let _inside = runtime.enter();
-            Door::new(listener).map_err(ControlError::System)?
+            Door::new(listener, PLACES, STILLNESS).map_err(ControlError::System)?
         };
         let router = api::router(Api::new(
             context.events,

@@ -54,8 +54,15 @@ pub enum Notice {
         /// What went wrong.
         reason: String,
     },
-    /// Something went wrong on a node, which goes on.
+    /// A node cannot draw what it should; it goes on.
     Fault {
+        /// The node.
+        node: String,
+        /// Its words.
+        message: String,
+    },
+    /// Something lowers the quality of what a node draws, or does so no longer.
+    Trouble {
         /// The node.
         node: String,
         /// Its words.

@@ -144,6 +144,7 @@ pub(crate) fn together(frames: &[FrameStatistics]) -> FrameStatistics {
             sum.refined_leaves += frame.refined_leaves;
         }
         sum.achieved_tau_px = sum.achieved_tau_px.max(frame.achieved_tau_px);
+        sum.achieved_tile_px = sum.achieved_tile_px.max(frame.achieved_tile_px);
     }
     sum
 }

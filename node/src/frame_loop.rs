@@ -335,16 +335,21 @@ impl FrameLoop {
             return;
         };
         loop {
-            let new_tiles = picture.take_new_tiles(MAX_NEW_TILES);
-            let more = new_tiles.len() >= MAX_NEW_TILES;
+            let news = picture.take_tile_news(MAX_NEW_TILES);
+            let more = news.is_full();
             let counters = ToMaster::Counters {
                 tiles: picture.counters(),
-                new_tiles,
+                news,
             };
             self.mail.send(Outgoing::Message(counters), false);
             if !more {
                 break;
             }
+        }
+        for message in picture.take_troubles() {
+            tracing::warn!("{message}");
+            self.mail
+                .send(Outgoing::Message(ToMaster::Trouble { message }), false);
         }
         self.counters_due_us = link::now_us() + COUNTERS_INTERVAL_US;
     }

@@ -13,6 +13,8 @@ pub(crate) struct Known {
     pub(crate) number: u64,
     /// Where its light comes from.
     pub(crate) sun: Sun,
+    /// The side of tiles in wall pixels that it asks for.
+    pub(crate) tile_px: f64,
 }
 
 /// The scenes that the renderer has.
@@ -30,12 +32,13 @@ impl KnownScenes {
     }
 
     /// The renderer has taken a scene under [`Self::next_number`].
-    pub(crate) fn taken(&mut self, revision: u64, sun: Sun) {
+    pub(crate) fn taken(&mut self, revision: u64, sun: Sun, tile_px: f64) {
         self.last_number += 1;
         self.preparing = Some(Known {
             revision,
             number: self.last_number,
             sun,
+            tile_px,
         });
     }
 
@@ -79,9 +82,9 @@ mod tests {
     fn a_new_master_may_count_like_the_last_one() {
         let mut scenes = KnownScenes::default();
         assert_eq!(scenes.of_revision(1), None);
-        scenes.taken(1, Sun::Camera);
+        scenes.taken(1, Sun::Camera, 257.0);
         scenes.drawn(scenes.of_revision(1).unwrap());
-        scenes.taken(2, Sun::Camera);
+        scenes.taken(2, Sun::Camera, 257.0);
         assert_eq!(scenes.preparing(Some(2)), Some(2));
         scenes.drawn(scenes.of_revision(2).unwrap());
         assert_eq!(scenes.of_revision(1), None, "it is shown no longer");
@@ -93,7 +96,7 @@ mod tests {
             longitude_deg: 2.0,
         };
         assert_eq!(scenes.next_number(), 3);
-        scenes.taken(2, fixed);
+        scenes.taken(2, fixed, 257.0);
         let found = scenes.of_revision(2).unwrap();
         assert_eq!((found.number, found.sun), (3, fixed));
         assert_eq!(scenes.preparing(Some(2)), None, "the last master's");

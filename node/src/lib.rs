@@ -4,6 +4,8 @@
 //! all other nodes of the wall. Two threads: the calling one draws and presents, the network's one listens
 //! and speaks. The node outlives its master: it keeps the last picture and looks for the next one.
 
+mod addresses;
+pub mod cache;
 mod device;
 mod digests;
 mod displays;
@@ -20,6 +22,7 @@ mod scenes;
 mod session;
 mod speaker;
 mod steering;
+mod troubles;
 mod window;
 
 use std::io;
@@ -39,7 +42,10 @@ use session::Session;
 pub use digests::DigestError;
 pub use patterns::{FoundIdentity, identity, read_identities, read_identity};
 pub use picture::{Drawn, OutputImage, Picture, PictureError, PictureMaker, PictureRequest};
-pub use render::{ErrorMeasure, PassTime, StageTiming};
+pub use render::{
+    DiskRate, ErrorMeasure, Fetched, FetchedTile, Level, PassTime, StageTiming, Unfetched,
+    count_on_disk, measure_disk,
+};
 pub use renderer::WallPictureMaker;
 pub use session::SessionError;
 

@@ -2,13 +2,14 @@
 //! In: scenes and views. Out: pictures, on screens or as pixels, and their error. The renderer implements [`Picture`];
 //! tests of the wall's step implement it with something cheaper. Nothing here knows GPUs or the network.
 
+use std::collections::HashSet;
 use std::sync::Arc;
 use std::time::Duration;
 
-use protocol::message::TileCounters;
+use protocol::message::{TileCounters, TileNews};
 use protocol::pattern::Pattern;
 use protocol::{Scene, View, Wall};
-use render::{ErrorMeasure, PassTime};
+use render::{ErrorMeasure, Fetched, PassTime};
 use winit::window::Window;
 
 /// Why a picture could not be made. Fatal ones end the node; the others are told to the master, and the
@@ -42,6 +43,9 @@ pub struct Drawn {
     /// The τ that the meshes keep, in wall pixels: the scene's, or more where the memory for meshes forbids it. 0 where
     /// none is kept.
     pub achieved_tau_px: f64,
+    /// The side of a tile in wall pixels above which it is split: the scene's, or more where the memory for tiles does not
+    /// hold what is seen.
+    pub achieved_tile_px: f64,
 }
 
 /// The pixels of one output.
@@ -114,6 +118,19 @@ pub trait Picture {
     /// A lost device and the like.
     fn draw(&mut self, view: &View) -> Result<Drawn, PictureError>;
 
+    /// Brings what drawing a view would show through the tile cache, and so onto the disk, without drawing. Tiles of
+    /// `known` numbers are passed over. Waits for so long at most; what is left then comes by further calls. The
+    /// last copies may still be written until the picture is dropped.
+    ///
+    /// # Errors
+    /// A scene that was not prepared.
+    fn fetch(
+        &mut self,
+        view: &View,
+        known: &HashSet<u64>,
+        patience: Duration,
+    ) -> Result<Fetched, PictureError>;
+
     /// Goes on with the scene in preparation, for the view that was drawn last, for about this long at most and
     /// never longer than a frame can spare. To be called once after each drawing. Returns the revision in
     /// preparation, once everything that the view needs of it is there.
@@ -126,6 +143,10 @@ pub trait Picture {
     /// was drawn last. `output` counts the host's outputs, `pixel` is right and down from the upper left
     /// corner. `None` beside the planet and before the first view.
     fn ground_under(&self, output: usize, pixel: [f64; 2]) -> Option<[f64; 2]>;
+
+    /// What the operator ought to hear of the data behind the picture, a sentence each: repositories that do not answer,
+    /// memory that does not hold what is seen. Each is told once.
+    fn take_troubles(&mut self) -> Vec<String>;
 
     /// Brings what was drawn to the screens, at once. Headless outputs have nothing to do.
     ///
@@ -175,9 +196,9 @@ pub trait Picture {
     /// What the tile caches have done since the node started.
     fn counters(&self) -> TileCounters;
 
-    /// Numbers of tiles used for the first time since the last call, at most `most`; the rest comes with
-    /// the next call. A number means the same data set and tile on every node.
-    fn take_new_tiles(&mut self, most: usize) -> Vec<u64>;
+    /// What happened to tiles since the last call, at most `most` of each sort; the rest comes with the next call. A
+    /// number means the same data set and tile on every node.
+    fn take_tile_news(&mut self, most: usize) -> TileNews;
 }
 
 /// A measure whose numbers are distances: finite and not below 0. Others could not be compared with any τ.

@@ -84,6 +84,7 @@ impl Arrivals {
             converged: waiting.drawn.converged,
             refined_leaves: waiting.drawn.refined_leaves,
             achieved_tau_px: waiting.drawn.achieved_tau_px,
+            achieved_tile_px: waiting.drawn.achieved_tile_px,
         }
     }
 }
@@ -123,6 +124,7 @@ mod tests {
                 triangles: 12,
                 refined_leaves: 5,
                 achieved_tau_px: 1.5,
+                achieved_tile_px: 257.0,
                 redrawn: true,
                 ..Drawn::default()
             },
@@ -138,6 +140,7 @@ mod tests {
         assert_eq!((told.view_latency_us, told.draw_us), (90, 0));
         assert_eq!((told.clock_error_us, told.triangles), (u32::MAX, 12));
         assert_eq!((told.refined_leaves, told.achieved_tau_px), (5, 1.5));
+        assert_eq!(told.achieved_tile_px, 257.0);
         assert!(told.redrawn && !told.converged);
         let late = arrivals.presented(present(6, 5_000), &waiting, 9_800, 0);
         assert_eq!(late.swap_slack_us, -1_000);

@@ -3,32 +3,41 @@
 //! eyes are derived here with the four basic operations and square roots only, so that every node
 //! computes the same bits.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use glam::DVec3;
-use protocol::message::TileCounters;
+use protocol::message::{CacheLevel, Drawable, TileCounters, TileNews};
 use protocol::pattern::Pattern;
 use protocol::scene::{LayerKind, Sun};
 use protocol::{Pose, Scene, View, Wall};
 use render::{
-    CacheConfig, ErrorMeasure, Gpu, PassTime, RenderBudget, RenderError, StageTiming, TileCache,
-    sun_over,
+    CacheConfig, ErrorMeasure, Fetched, Gpu, Level, PassTime, RenderBudget, RenderError,
+    StageTiming, TileCache, sun_over,
 };
 use winit::event_loop::OwnedDisplayHandle;
 
+use repositories::Repositories;
+
+use crate::addresses::{Addresses, repositories};
+use crate::cache;
 use crate::device::{self, Device};
 use crate::displays::Displays;
-use crate::known_scenes::KnownScenes;
+use crate::known_scenes::{Known, KnownScenes};
 use crate::patterns;
 use crate::picture::{
     Drawn, OutputImage, Picture, PictureError, PictureMaker, PictureRequest, comparable,
 };
 use crate::scene_data::scene_data;
+use crate::troubles::{Room, Troubles};
 
 const MIB: u64 = 1 << 20;
+/// How long another node's claim to a tile holds that gives no sign of life.
+const LEASE: Duration = Duration::from_secs(5);
+/// Tiles that are asked for at the same time: over a network, most of the time is spent waiting.
+const REQUESTS: usize = 16;
 /// Share of a frame's time that bringing data to the GPU and preparing another scene may take.
 const UPLOAD_SHARE: f64 = 0.25;
 
@@ -40,6 +49,12 @@ pub(crate) struct WallPicture {
     largest_side_px: u32,
     adapter: String,
     cache: Arc<TileCache>,
+    repositories: Arc<Repositories>,
+    troubles: Troubles,
+    /// What the renderers may use of each adapter's memory.
+    gpu_mib: u64,
+    /// The side of tiles that the last scene that was drawn asks for, and what the last picture kept, in wall pixels.
+    tile_px: [f64; 2],
     /// One for each adapter that draws outputs of this host, at least one.
     devices: Vec<Device>,
     scenes: KnownScenes,
@@ -125,13 +140,18 @@ impl WallPicture {
         let threads = std::thread::available_parallelism()
             .map_or(2, usize::from)
             .clamp(2, 8);
-        let cache = TileCache::open(&CacheConfig {
+        let repositories = repositories().map_err(|error| unavailable(&error))?;
+        let opener = Addresses(Arc::clone(&repositories));
+        let config = CacheConfig {
             ram_bytes: wall.cache.ram_mib * MIB,
             disk_bytes: wall.cache.disk_mib * MIB,
-            disk_directory: cache_directory(wall),
-            threads,
-        })
-        .map_err(|error| unavailable(&error))?;
+            disk_directory: cache::directory(wall),
+            lease: LEASE,
+            requests: REQUESTS.max(threads),
+            decoders: threads,
+        };
+        let cache =
+            TileCache::open_with(&config, Arc::new(opener)).map_err(|error| unavailable(&error))?;
         let cache = Arc::new(cache);
         let budget = RenderBudget {
             gpu_bytes: wall.cache.gpu_mib * MIB,
@@ -157,6 +177,10 @@ impl WallPicture {
             largest_side_px: maker.gpu.largest_side_px(),
             adapter: maker.gpu.name(),
             cache,
+            repositories,
+            troubles: Troubles::default(),
+            gpu_mib: wall.cache.gpu_mib,
+            tile_px: [0.0; 2],
             devices,
             scenes: KnownScenes::default(),
             camera_sun: DVec3::X,
@@ -165,19 +189,16 @@ impl WallPicture {
     }
 }
 
-/// The wall's cache directory, else the user's; none where the user has no home.
-fn cache_directory(wall: &Wall) -> Option<PathBuf> {
-    let of_variable = |name: &str| {
-        std::env::var_os(name)
-            .filter(|value| !value.is_empty())
-            .map(PathBuf::from)
-    };
-    let of_user = || {
-        of_variable("XDG_CACHE_HOME")
-            .or_else(|| of_variable("HOME").map(|home| home.join(".cache")))
-    };
-    let named = wall.cache.directory.as_ref().map(PathBuf::from);
-    named.or_else(|| of_user().map(|caches| caches.join("terrawall")))
+impl WallPicture {
+    /// The scene of a view.
+    fn known(&self, view: &View) -> Result<Known, PictureError> {
+        self.scenes.of_revision(view.scene_revision).ok_or_else(|| {
+            PictureError::Frame(format!(
+                "frame {} shows revision {} of the scene, which was not prepared",
+                view.frame, view.scene_revision
+            ))
+        })
+    }
 }
 
 /// Over the viewer's left shoulder.
@@ -220,13 +241,14 @@ impl Picture for WallPicture {
         };
         let data = scene_data(scene, direction);
         let number = self.scenes.next_number();
+        let tile_px = data.tile_px;
         for device in &mut self.devices {
             device
                 .renderer
                 .prepare_scene(number, data.clone())
                 .map_err(|error| PictureError::Scene(error.to_string()))?;
         }
-        self.scenes.taken(revision, sun);
+        self.scenes.taken(revision, sun, tile_px);
         self.elevation = elevation_of(scene);
         Ok(())
     }
@@ -259,12 +281,7 @@ impl Picture for WallPicture {
     }
 
     fn draw(&mut self, view: &View) -> Result<Drawn, PictureError> {
-        let Some(known) = self.scenes.of_revision(view.scene_revision) else {
-            return Err(PictureError::Frame(format!(
-                "frame {} shows revision {} of the scene, which was not prepared",
-                view.frame, view.scene_revision
-            )));
-        };
+        let known = self.known(view)?;
         let view_point = self.displays.view_point(view);
         self.camera_sun = sun_of_camera(&view.pose);
         let sun = (known.sun == Sun::Camera).then_some(self.camera_sun);
@@ -275,6 +292,7 @@ impl Picture for WallPicture {
         }
         let statistics = device::together(&frames);
         self.scenes.drawn(known);
+        self.tile_px = [known.tile_px, statistics.achieved_tile_px];
         Ok(Drawn {
             redrawn: statistics.redrawn,
             converged: statistics.converged,
@@ -282,7 +300,25 @@ impl Picture for WallPicture {
             triangles: statistics.triangles,
             refined_leaves: statistics.refined_leaves,
             achieved_tau_px: statistics.achieved_tau_px,
+            achieved_tile_px: statistics.achieved_tile_px,
         })
+    }
+
+    fn fetch(
+        &mut self,
+        view: &View,
+        known: &HashSet<u64>,
+        patience: Duration,
+    ) -> Result<Fetched, PictureError> {
+        let scene = self.known(view)?;
+        let view_point = self.displays.view_point(view);
+        let mut wants = Vec::new();
+        for device in &mut self.devices {
+            let needs = device.renderer.needs(&view_point, scene.number);
+            wants.extend(needs.map_err(|error| frame_error(&error))?);
+        }
+        self.scenes.drawn(scene);
+        Ok(render::fetch(&self.cache, &wants, known, patience))
     }
 
     fn prepare_ahead(&mut self, at_most: Duration) -> Result<Option<u64>, PictureError> {
@@ -305,6 +341,21 @@ impl Picture for WallPicture {
     fn ground_under(&self, output: usize, pixel: [f64; 2]) -> Option<[f64; 2]> {
         let mut devices = self.devices.iter();
         devices.find_map(|device| device.ground_under(output, pixel))
+    }
+
+    fn take_troubles(&mut self) -> Vec<String> {
+        let states = self.repositories.states();
+        let mut sentences = self.troubles.of_repositories(&states);
+        let [asked_px, achieved_px] = self.tile_px;
+        let is_full = |device: &Device| device.renderer.is_device_full();
+        let room = match self.devices.iter().any(is_full) {
+            true => Room::Device,
+            false => Room::Budget {
+                gpu_mib: self.gpu_mib,
+            },
+        };
+        sentences.extend(self.troubles.of_tiles(asked_px, achieved_px, room));
+        sentences
     }
 
     fn present(&mut self) -> Result<(), PictureError> {
@@ -392,15 +443,36 @@ impl Picture for WallPicture {
             disk_hits: counters.disk_hits,
             ram_hits: counters.ram_hits,
             corrupt: counters.corrupt,
+            repository_bytes: counters.repository_bytes,
+            failed: counters.failed,
+            early_bytes: counters.early_bytes,
+            vain_bytes: counters.vain_bytes,
         }
     }
 
-    fn take_new_tiles(&mut self, most: usize) -> Vec<u64> {
-        let mut tiles = Vec::new();
+    fn take_tile_news(&mut self, most: usize) -> TileNews {
+        let mut news = TileNews {
+            loaded: self.cache.take_loaded(most),
+            ..TileNews::default()
+        };
         for device in &mut self.devices {
-            let left = most.saturating_sub(tiles.len());
-            tiles.extend(device.renderer.take_new_tiles(left));
+            let left = most.saturating_sub(news.used.len());
+            news.used.extend(device.renderer.take_new_tiles(left));
+            let left = most.saturating_sub(news.drawable.len());
+            let drawable = device.renderer.take_drawable(left);
+            news.drawable.extend(drawable.into_iter().map(drawable_of));
         }
-        tiles
+        news
+    }
+}
+
+fn drawable_of((level, after): (Level, Duration)) -> Drawable {
+    Drawable {
+        level: match level {
+            Level::Repository => CacheLevel::Repository,
+            Level::Disk => CacheLevel::Disk,
+            Level::Ram => CacheLevel::Ram,
+        },
+        after_us: u32::try_from(after.as_micros()).unwrap_or(u32::MAX),
     }
 }

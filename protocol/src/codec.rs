@@ -170,9 +170,9 @@ pub fn decode_to_master(bytes: &[u8]) -> Result<ToMaster, DecodeError> {
     let (kind, limit) = to_master_limit(&message);
     check_size(bytes, kind, limit)?;
     match &message {
-        ToMaster::Counters { new_tiles, .. } if new_tiles.len() > MAX_NEW_TILES => {
-            Err(DecodeError::Senseless("more than 4096 new tiles at once"))
-        }
+        ToMaster::Counters { news, .. } if news.longest() > MAX_NEW_TILES => Err(
+            DecodeError::Senseless("more news of tiles than fit a message"),
+        ),
         ToMaster::Steer(steer) => {
             let numbers = [steer.drag, steer.look, [steer.roll, steer.zoom]];
             if numbers.iter().flatten().all(|number| number.is_finite()) {
@@ -188,9 +188,13 @@ pub fn decode_to_master(bytes: &[u8]) -> Result<ToMaster, DecodeError> {
         {
             Err(DecodeError::Senseless("a reason of more than 2048 bytes"))
         }
-        ToMaster::Presented(presented) if !is_length(presented.achieved_tau_px) => Err(
-            DecodeError::Senseless("a frame whose τ is below 0 or not finite"),
-        ),
+        ToMaster::Presented(presented)
+            if !(is_length(presented.achieved_tau_px) && is_length(presented.achieved_tile_px)) =>
+        {
+            Err(DecodeError::Senseless(
+                "a frame whose τ or side of tiles is below 0 or not finite",
+            ))
+        }
         ToMaster::ErrorMeasured(measured)
             if !(is_length(measured.max_px) && is_length(measured.tau_px)) =>
         {

@@ -16,10 +16,10 @@ use crate::scene::Scene;
 use crate::wall::{Viewers, Wall};
 
 /// Changes whenever a message changes. Master and nodes must have the same.
-pub const PROTOCOL_VERSION: u32 = 4;
+pub const PROTOCOL_VERSION: u32 = 5;
 
 /// Most new tiles that one [`ToMaster::Counters`] may name.
-pub const MAX_NEW_TILES: usize = 4096;
+pub const MAX_NEW_TILES: usize = 2048;
 
 /// Most bytes of the reason in a [`ToMaster::CannotPrepare`] or [`ToMaster::CannotMeasure`]: the master shows it to
 /// people and keeps it.
@@ -172,11 +172,10 @@ pub enum ToMaster {
     Counters {
         /// Totals since the node started.
         tiles: TileCounters,
-        /// Numbers of tiles used since the last counters, at most [`MAX_NEW_TILES`]. A number must mean
-        /// the same data set and tile on every node.
-        new_tiles: Vec<u64>,
+        /// Since the last counters.
+        news: TileNews,
     },
-    /// Something went wrong that the operator should know; the node goes on.
+    /// The node cannot draw what it should, or not show it; it goes on.
     Fault {
         /// A sentence that names the thing, where it stands and what to do.
         message: String,
@@ -210,6 +209,11 @@ pub enum ToMaster {
     CannotMeasure {
         /// A sentence that names the thing and the remedy, at most [`MAX_REASON_BYTES`] bytes.
         reason: String,
+    },
+    /// Something lowers the quality of what the node draws, or does so no longer: the operator should know.
+    Trouble {
+        /// A sentence that names the thing and what to do.
+        message: String,
     },
 }
 
@@ -293,6 +297,9 @@ pub struct Presented {
     /// The τ that the meshes keep, in wall pixels: the scene's, or more where the memory for meshes forbids it. 0 where
     /// none is kept.
     pub achieved_tau_px: f64,
+    /// The side of a tile in wall pixels above which it was split: the scene's, or more where the memory for tiles does
+    /// not hold what is seen.
+    pub achieved_tile_px: f64,
 }
 
 /// The error of a node's picture: over all samples in view, the distance in wall pixels between the sample's true place
@@ -312,16 +319,72 @@ pub struct ErrorMeasured {
 /// What the tile caches of a node have done since it started.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct TileCounters {
-    /// Different tiles used.
+    /// Different tiles that came into main memory.
     pub distinct: u64,
     /// Tiles read from a repository.
     pub repository_reads: u64,
+    /// Their compressed bytes.
+    pub repository_bytes: u64,
     /// Tiles found in the disk cache.
     pub disk_hits: u64,
     /// Tiles found in main memory.
     pub ram_hits: u64,
     /// Tiles whose checksum was wrong.
     pub corrupt: u64,
+    /// Tiles that are given up for the time being.
+    pub failed: u64,
+    /// Bytes of tiles in main memory that were loaded before anybody wanted them.
+    pub early_bytes: u64,
+    /// Of these, the bytes of tiles that nobody has wanted since.
+    pub vain_bytes: u64,
+}
+
+/// What happened to tiles on a node. A number of a tile must mean the same data set and tile on every node.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct TileNews {
+    /// Numbers of tiles that came into main memory for the first time, at most [`MAX_NEW_TILES`].
+    pub loaded: Vec<u64>,
+    /// Numbers of tiles that were shown for the first time, at most [`MAX_NEW_TILES`].
+    pub used: Vec<u64>,
+    /// Tiles that could be drawn since, at most [`MAX_NEW_TILES`].
+    pub drawable: Vec<Drawable>,
+}
+
+/// A tile that can be drawn.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Drawable {
+    /// Where it was found when it was wanted.
+    pub level: CacheLevel,
+    /// Microseconds from the first frame that wanted it to the one that could draw it.
+    pub after_us: u32,
+}
+
+/// The levels of the tile cache below the graphics device.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum CacheLevel {
+    /// Compressed, wherever it lies.
+    Repository,
+    /// Plain, in the directory that the cluster shares.
+    Disk,
+    /// In the host's main memory.
+    Ram,
+}
+
+impl TileNews {
+    /// Whether any list is as long as it may be, so that more may be left to tell.
+    #[must_use]
+    pub fn is_full(&self) -> bool {
+        self.longest() >= MAX_NEW_TILES
+    }
+
+    /// Entries of the longest list.
+    #[must_use]
+    pub fn longest(&self) -> usize {
+        self.loaded
+            .len()
+            .max(self.used.len())
+            .max(self.drawable.len())
+    }
 }
 
 /// Movements since the last such message. Angles are as seen by the eye, in radians.

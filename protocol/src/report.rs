@@ -52,6 +52,10 @@ pub struct Report {
     /// memory for meshes forbade it. Absent where no frame's meshes kept any.
     #[serde(default)]
     pub achieved_tau: Option<f64>,
+    /// The largest side in wall pixels above which tiles were split in any frame: the scene's `mesh.tile_px`, or more
+    /// where the memory for tiles (`cache.gpu_mib`) did not hold what was seen. Absent where no frame told one.
+    #[serde(default)]
+    pub achieved_tile_px: Option<f64>,
     /// Tiles whose meshes were made, over all frames and nodes. All others were used again.
     #[serde(default)]
     pub refined_leaves: u64,
@@ -123,18 +127,41 @@ pub struct ChangeReport {
 }
 
 /// What the nodes' tile caches did, together.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct TileReport {
-    /// Different tiles that the wall used.
+    /// Different tiles that came into the main memory of any node.
     pub distinct: u64,
-    /// Tiles read from repositories, over all nodes.
+    /// Different tiles that the wall showed.
+    pub shown: u64,
+    /// Tiles read from repositories, over all nodes. Where all nodes share one disk cache, each tile is read once.
     pub repository_reads: u64,
+    /// Their compressed bytes.
+    pub repository_bytes: u64,
     /// Tiles found in disk caches.
     pub disk_hits: u64,
     /// Tiles found in main memory.
     pub ram_hits: u64,
     /// Tiles whose checksum was wrong.
     pub corrupt: u64,
+    /// Tiles that are given up for the time being.
+    pub failed: u64,
+    /// Bytes of tiles that came into main memory before they were wanted, over all nodes.
+    pub early_bytes: u64,
+    /// Of these, the bytes of tiles that were not wanted until now.
+    pub vain_bytes: u64,
+    /// Milliseconds from the first frame that wanted a tile to the one that could draw it, by where the tile was found.
+    pub drawable_after_ms: DrawableAfter,
+}
+
+/// Times by the level of the cache.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct DrawableAfter {
+    /// Tiles found in a repository.
+    pub repository: QuantilesAndMax,
+    /// Tiles found in the disk cache.
+    pub disk: QuantilesAndMax,
+    /// Tiles found in main memory.
+    pub ram: QuantilesAndMax,
 }
 
 /// What one node did.

@@ -68,7 +68,7 @@ pub struct Wall {
 pub struct CacheBudgets {
     /// On each GPU.
     pub gpu_mib: u64,
-    /// In main memory.
+    /// In main memory, at least 64.
     pub ram_mib: u64,
     /// On disk, shared by all nodes that share the directory.
     pub disk_mib: u64,

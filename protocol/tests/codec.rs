@@ -17,8 +17,8 @@ use protocol::codec::{
     decode_to_node, decode_view, encode_to_master, encode_to_node, encode_view,
 };
 use protocol::message::{
-    ErrorMeasured, HeldKeys, Hello, MoveLens, PROTOCOL_VERSION, Presented, Steer, Swap,
-    TileCounters, ToMaster, ToNode, View,
+    CacheLevel, Drawable, ErrorMeasured, HeldKeys, Hello, MoveLens, PROTOCOL_VERSION, Presented,
+    Steer, Swap, TileCounters, TileNews, ToMaster, ToNode, View,
 };
 use protocol::wall::{Head, Viewers};
 use protocol::{Pose, Scene, Wall};
@@ -60,7 +60,7 @@ fn view(heads: usize) -> View {
 fn a_view_has_these_bytes() {
     // Laid out by hand: version; unsigned integers below 251 as one byte, else 251 and 16 bits, 252 and
     // 32 bits or 253 and 64 bits; signed ones as 2n or −2n−1; floats as 64 bits, those of a direction as 32; little endian.
-    let mut golden = vec![4, 3, 251];
+    let mut golden = vec![5, 3, 251];
     golden.extend(1000_u16.to_le_bytes());
     golden.extend([1, 2, 9]);
     let components = [
@@ -106,7 +106,7 @@ fn control_messages_have_these_bytes() {
         frame: 2,
         present_at_us: 3,
     });
-    assert_eq!(encode_to_node(&swap).unwrap(), [4, 4, 1, 2, 6]);
+    assert_eq!(encode_to_node(&swap).unwrap(), [5, 4, 1, 2, 6]);
     let ready = ToMaster::Ready {
         epoch: 1,
         frame: 300,
@@ -115,13 +115,13 @@ fn control_messages_have_these_bytes() {
     };
     assert_eq!(
         encode_to_master(&ready).unwrap(),
-        [4, 2, 1, 251, 44, 1, 1, 7]
+        [5, 2, 1, 251, 44, 1, 1, 7]
     );
     let ping = ToMaster::ClockPing {
         sequence: 9,
         node_sent_us: -1,
     };
-    assert_eq!(encode_to_master(&ping).unwrap(), [4, 1, 9, 1]);
+    assert_eq!(encode_to_master(&ping).unwrap(), [5, 1, 9, 1]);
 }
 
 #[test]
@@ -242,6 +242,7 @@ fn messages_to_master() -> Vec<ToMaster> {
             converged: true,
             refined_leaves: 10,
             achieved_tau_px: 0.5,
+            achieved_tile_px: 257.0,
         }),
         ToMaster::CaptureRows(CaptureRows {
             id: 1,
@@ -256,10 +257,20 @@ fn messages_to_master() -> Vec<ToMaster> {
         },
         ToMaster::Counters {
             tiles: TileCounters::default(),
-            new_tiles: (0..300).collect(),
+            news: TileNews {
+                loaded: (0..300).collect(),
+                used: vec![7],
+                drawable: vec![Drawable {
+                    level: CacheLevel::Disk,
+                    after_us: 16_000,
+                }],
+            },
         },
         ToMaster::Fault {
             message: "a corrupt tile".into(),
+        },
+        ToMaster::Trouble {
+            message: "http://host/earth cannot be reached".into(),
         },
         ToMaster::Steer(Steer {
             zoom: 1.0,
@@ -321,15 +332,15 @@ fn caps_hold_both_ways() {
     };
     assert!(encode_to_master(&ToMaster::CaptureRows(rows)).is_err());
     assert!(matches!(
-        decode_to_master(&vec![4; MAX_LARGE_BYTES + 1]),
+        decode_to_master(&vec![5; MAX_LARGE_BYTES + 1]),
         Err(DecodeError::TooLarge { .. })
     ));
     assert!(matches!(
-        decode_view(&[4; MAX_VIEW_BYTES + 1]),
+        decode_view(&[5; MAX_VIEW_BYTES + 1]),
         Err(DecodeError::TooLarge { .. })
     ));
     // A small message may not be padded to a large one by a long text.
-    let mut long = vec![4, 8, 252];
+    let mut long = vec![5, 8, 252];
     long.extend(100_000_u32.to_le_bytes());
     long.extend(std::iter::repeat_n(b'x', 100_000));
     assert!(matches!(
@@ -341,7 +352,10 @@ fn caps_hold_both_ways() {
     ));
     let many = ToMaster::Counters {
         tiles: TileCounters::default(),
-        new_tiles: vec![0; 4097],
+        news: TileNews {
+            loaded: vec![0; 2049],
+            ..TileNews::default()
+        },
     };
     let bytes = encode_to_master(&many).unwrap();
     assert!(matches!(
@@ -363,7 +377,7 @@ fn other_versions_and_extra_bytes_are_told_apart() {
         error,
         DecodeError::Version {
             found: 1,
-            expected: 4
+            expected: 5
         }
     ));
     assert!(error.to_string().contains("same version"));
@@ -380,11 +394,11 @@ fn lengths_that_lie_take_no_memory() {
     };
     let view_start = &encode_view(&view(0)).unwrap()[..1 + 1 + 3 + 1 + 1 + 96];
     assert!(decode_view(&huge(view_start)).is_err());
-    assert!(decode_to_master(&huge(&[4, 8])).is_err());
-    assert!(decode_to_master(&huge(&[4, 7, 0, 0, 0, 0, 0])).is_err());
-    assert!(decode_to_master(&huge(&[4, 4, 0, 0, 0])).is_err());
-    assert!(decode_to_master(&huge(&[4, 12, 5])).is_err());
-    assert!(decode_to_node(&huge(&[4, 1, 0])).is_err());
+    assert!(decode_to_master(&huge(&[5, 8])).is_err());
+    assert!(decode_to_master(&huge(&[5, 7, 0, 0, 0, 0, 0])).is_err());
+    assert!(decode_to_master(&huge(&[5, 4, 0, 0, 0])).is_err());
+    assert!(decode_to_master(&huge(&[5, 12, 5])).is_err());
+    assert!(decode_to_node(&huge(&[5, 1, 0])).is_err());
 }
 
 #[test]

@@ -13,7 +13,9 @@ mod error;
 
 use protocol::capture::{CaptureAssembly, CaptureError, MAX_ROW_BYTES, split_rows};
 use protocol::membership::Membership;
-use protocol::message::{ErrorMeasured, Hello, PROTOCOL_VERSION, Presented, TileCounters};
+use protocol::message::{
+    CacheLevel, Drawable, ErrorMeasured, Hello, PROTOCOL_VERSION, Presented, TileCounters, TileNews,
+};
 use protocol::report::{Recorder, Report};
 use protocol::wall::Wall;
 
@@ -54,6 +56,7 @@ fn presented(frame: u64, presented_us: i64) -> Presented {
         converged: true,
         refined_leaves: 3,
         achieved_tau_px: 0.5,
+        achieved_tile_px: 363.5,
     }
 }
 
@@ -88,10 +91,19 @@ fn the_report_has_the_keys_that_tools_read() {
         repository_reads: 2,
         disk_hits: 5,
         ram_hits: 7,
-        corrupt: 0,
+        vain_bytes: 5,
+        ..TileCounters::default()
     };
-    recorder.counters(0, counters, &[1, 2, 3]);
-    recorder.counters(1, counters, &[3, 4]);
+    let news = |loaded: &[u64], after_us| TileNews {
+        loaded: loaded.to_vec(),
+        used: vec![3],
+        drawable: vec![Drawable {
+            level: CacheLevel::Disk,
+            after_us,
+        }],
+    };
+    recorder.counters(0, counters, &news(&[1, 2, 3], 20_000));
+    recorder.counters(1, counters, &news(&[3, 4], 20_000));
     recorder.error("a node was killed");
     recorder.tau(0.5);
     for (max_px, samples) in [(0.125, 100), (0.375, 50)] {
@@ -122,6 +134,10 @@ fn the_report_has_the_keys_that_tools_read() {
         ("/tiles/repository_reads", 4.0),
         ("/tiles/disk_hits", 10.0),
         ("/tiles/ram_hits", 14.0),
+        ("/tiles/shown", 1.0),
+        ("/tiles/vain_bytes", 10.0),
+        ("/tiles/drawable_after_ms/disk/p50", 20.0),
+        ("/tiles/drawable_after_ms/ram/max", 0.0),
         ("/missed_deadlines", 0.0),
         ("/changes/submitted", 4.0),
         ("/changes/shown", 2.0),
@@ -141,6 +157,7 @@ fn the_report_has_the_keys_that_tools_read() {
         ("/error_px/uncovered", 0.0),
         ("/error_px/views", 2.0),
         ("/achieved_tau", 0.5),
+        ("/achieved_tile_px", 363.5),
         ("/refined_leaves", 1_200.0),
         ("/triangles/max", 1_234.0),
         ("/nodes/3/frames", 1.0),

@@ -310,6 +310,13 @@ fn each_fault_names_place_key_and_remedy() {
             "MiB",
         ),
         (
+            "ram_mib = 512",
+            "ram_mib = 63",
+            OutOfRange,
+            "cache.ram_mib",
+            "at least 64",
+        ),
+        (
             "gpu_mib = 1024",
             "gpu_gib = 1",
             UnknownKey,

@@ -17,16 +17,20 @@ use tokio::time::{Instant, Sleep, sleep};
 /// Before the next try after a connection could not be taken, for example because there are no file descriptors.
 const PAUSE: Duration = Duration::from_millis(200);
 
-/// A listening socket with a number of places.
-pub(crate) struct Door {
+/// A listening socket with a number of places, for any server of this program.
+pub struct Door {
     listener: TcpListener,
     places: Arc<Semaphore>,
     stillness: Duration,
 }
 
 impl Door {
-    /// Takes a socket that does not block. To be called inside a runtime.
-    pub(crate) fn new(
+    /// Takes a socket that does not block. To be called inside a runtime. So many connections are served at the same
+    /// time, further ones wait in the system's queue; one on which nothing moves for `stillness` is cut.
+    ///
+    /// # Errors
+    /// A socket that the runtime cannot watch.
+    pub fn new(
         listener: std::net::TcpListener,
         connections: usize,
         stillness: Duration,
@@ -75,7 +79,7 @@ impl Listener for Door {
 }
 
 /// A connection that has a place until it ends.
-pub(crate) struct Guest {
+pub struct Guest {
     stream: TcpStream,
     stillness: Duration,
     cut: Pin<Box<Sleep>>,
@@ -134,5 +138,73 @@ impl AsyncWrite for Guest {
         context: &mut Context<'_>,
     ) -> Poll<std::io::Result<()>> {
         Pin::new(&mut self.stream).poll_shutdown(context)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used, reason = "a test that panics has failed")]
+
+    use std::io::{Read as _, Write as _};
+
+    use axum::Router;
+    use axum::routing::get;
+
+    use super::*;
+
+    const PLACES: usize = 8;
+
+    /// Serves a door whose guests may be still for 300 ms.
+    fn serve() -> (tokio::runtime::Runtime, SocketAddr) {
+        let listener = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+        listener.set_nonblocking(true).unwrap();
+        let address = listener.local_addr().unwrap();
+        let runtime = tokio::runtime::Builder::new_multi_thread()
+            .worker_threads(1)
+            .enable_all()
+            .build()
+            .unwrap();
+        let _inside = runtime.enter();
+        let door = Door::new(listener, PLACES, Duration::from_millis(300)).unwrap();
+        let router = Router::new().route("/", get(async || "here"));
+        runtime.spawn(async { axum::serve(door, router).await });
+        drop(_inside);
+        (runtime, address)
+    }
+
+    fn ask(address: SocketAddr) -> String {
+        let mut stream = std::net::TcpStream::connect(address).unwrap();
+        stream
+            .set_read_timeout(Some(Duration::from_secs(10)))
+            .unwrap();
+        stream
+            .write_all(b"GET / HTTP/1.1\r\nHost: here\r\nConnection: close\r\n\r\n")
+            .unwrap();
+        let mut answer = String::new();
+        stream.read_to_string(&mut answer).unwrap();
+        answer
+    }
+
+    #[test]
+    fn silent_connections_cannot_hold_all_places() {
+        let (_runtime, address) = serve();
+        let connect = |_| std::net::TcpStream::connect(address).unwrap();
+        let mut silent: Vec<_> = (0..2 * PLACES).map(connect).collect();
+        // One of them begins a request and never ends it.
+        silent[0].write_all(b"GET / HT").unwrap();
+        let begin = std::time::Instant::now();
+        assert!(ask(address).ends_with("here"));
+        let waited = begin.elapsed();
+        assert!(
+            waited >= Duration::from_millis(250),
+            "{waited:?}: all places were taken"
+        );
+        assert!(waited < Duration::from_secs(5), "{waited:?}");
+        // The first have been cut.
+        silent[0]
+            .set_read_timeout(Some(Duration::from_secs(10)))
+            .unwrap();
+        let ended = silent[0].read(&mut [0; 16]);
+        assert!(matches!(ended, Ok(0) | Err(_)), "{ended:?}");
     }
 }

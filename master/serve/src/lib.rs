@@ -19,9 +19,9 @@ use tiles::DATASET_FILE;
 use tokio::sync::watch;
 use tokio::time::sleep;
 
-use door::Door;
 use respond::Site;
 
+pub use door::{Door, Guest};
 pub use respond::Counters;
 
 /// How long answers under way may take to end once the server is stopped.

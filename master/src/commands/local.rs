@@ -209,7 +209,9 @@ fn environment(nodes: usize, folder: &Path) -> Vec<(OsString, OsString)> {
 /// On this machine all repositories can be looked at before anything starts.
 pub(crate) fn check_repositories(scene: &Scene) -> Result<(), Failure> {
     for layer in &scene.layers {
-        if let Some(repository) = &layer.repository {
+        // What is elsewhere is looked at by the nodes, which have the right to read it.
+        let here = |place: &&String| !place.contains("://");
+        if let Some(repository) = layer.repository.as_ref().filter(here) {
             import::Dataset::load(Path::new(repository))
                 .with_context(|| format!("layer \"{}\"", layer.name))?;
         }

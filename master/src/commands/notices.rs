@@ -80,6 +80,8 @@ impl Teller {
                 ));
             }
             Notice::Fault { node, message } => self.say_once(format!("node \"{node}\": {message}")),
+            // A node tells each once, and again when it comes back.
+            Notice::Trouble { node, message } => self.say(&format!("node \"{node}\": {message}")),
             Notice::Tracker { event } => self.say_once(event.clone()),
             Notice::Started { nodes, hosts } if nodes < hosts => {
                 self.say(&format!(

@@ -114,7 +114,7 @@ fn wall_of(show: &Show) -> Result<Wall, Failure> {
 }
 
 /// The same wall without windows.
-fn close_windows(wall: &mut Wall) {
+pub(super) fn close_windows(wall: &mut Wall) {
     for output in wall.hosts.iter_mut().flat_map(|host| &mut host.outputs) {
         output.window = None;
     }

@@ -173,10 +173,11 @@ impl FrameLoop {
                     self.recorder.presented(node, &presented);
                 }
             }
-            ToMaster::Counters { tiles, new_tiles } => {
-                self.recorder.counters(node, tiles, &new_tiles);
+            ToMaster::Counters { tiles, news } => {
+                self.recorder.counters(node, tiles, &news);
             }
             ToMaster::Fault { message } => self.fault(node, message),
+            ToMaster::Trouble { message } => self.trouble(node, message),
             ToMaster::CaptureFailed { reason, .. } => {
                 let node = self.name(node);
                 self.fail(MasterError::Capture { node, reason });
@@ -209,6 +210,16 @@ impl FrameLoop {
             *fault = Some(message.clone());
         }
         self.notices.send(Notice::Fault {
+            node: name,
+            message,
+        });
+    }
+
+    /// Something lowers the quality of what a node draws, or does so no longer.
+    fn trouble(&mut self, node: NodeId, message: String) {
+        let name = self.name(node);
+        self.recorder.error(format!("node \"{name}\": {message}"));
+        self.notices.send(Notice::Trouble {
             node: name,
             message,
         });

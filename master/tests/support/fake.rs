@@ -2,14 +2,16 @@
 //! In: scenes and views. Out: one shade per output, and a log of what was presented. It prepares scenes and
 //! converges by counting drawings. Whoever asks it for a scene that it does not hold ends its process.
 
+use std::collections::HashSet;
 use std::fmt::Write as _;
 use std::path::PathBuf;
 use std::time::Duration;
 
 use node::{
-    Drawn, ErrorMeasure, OutputImage, PassTime, Picture, PictureError, PictureMaker, PictureRequest,
+    Drawn, ErrorMeasure, Fetched, OutputImage, PassTime, Picture, PictureError, PictureMaker,
+    PictureRequest,
 };
-use protocol::message::TileCounters;
+use protocol::message::{TileCounters, TileNews};
 use protocol::pattern::Pattern;
 use protocol::{Scene, View, Wall};
 
@@ -109,6 +111,10 @@ impl Picture for FakePicture {
         Ok(())
     }
 
+    fn take_troubles(&mut self) -> Vec<String> {
+        Vec::new()
+    }
+
     fn set_wall(&mut self, _wall: &Wall) -> Result<(), PictureError> {
         Ok(())
     }
@@ -139,7 +145,17 @@ impl Picture for FakePicture {
             triangles: 1,
             refined_leaves: u32::from(redrawn),
             achieved_tau_px: 1.0,
+            achieved_tile_px: 257.0,
         })
+    }
+
+    fn fetch(
+        &mut self,
+        _view: &View,
+        _known: &HashSet<u64>,
+        _patience: Duration,
+    ) -> Result<Fetched, PictureError> {
+        panic!("the wall's step does not ask for this")
     }
 
     fn prepare_ahead(&mut self, _at_most: Duration) -> Result<Option<u64>, PictureError> {
@@ -232,11 +248,15 @@ impl Picture for FakePicture {
         }
     }
 
-    fn take_new_tiles(&mut self, _: usize) -> Vec<u64> {
-        if self.drawings == 1 {
+    fn take_tile_news(&mut self, _: usize) -> TileNews {
+        let loaded = if self.drawings == 1 {
             vec![1, 2, 3]
         } else {
             Vec::new()
+        };
+        TileNews {
+            loaded,
+            ..TileNews::default()
         }
     }
 }

@@ -6,9 +6,9 @@ use std::collections::{HashMap, HashSet};
 use geodesy::Tile;
 use glam::DVec3;
 use terrain::Lattice;
-use tiles::TileCache;
+use tiles::{Lookup, TileCache};
 
-use crate::gather::{Gather, priority};
+use crate::gather::Gather;
 use crate::source::{Heights, Source};
 
 /// The elevation of one layer that this frame uses.
@@ -19,7 +19,9 @@ pub(crate) struct GatheredHeights {
     asked: HashSet<Tile>,
     /// Every tile that is shown.
     resident: HashMap<Tile, Heights>,
-    missing: HashSet<Tile>,
+    /// Tiles that some leaf should show and does not, and where they were at that moment: whoever looked again might find
+    /// that one has come meanwhile, and take the picture without it for complete.
+    missing: HashMap<Tile, Lookup>,
 }
 
 impl GatheredHeights {
@@ -48,13 +50,16 @@ impl GatheredHeights {
         let Some(best) = source.best(leaf) else {
             return;
         };
-        let Some(data) = source.resident(cache, leaf) else {
-            self.missing.insert(best);
-            return;
+        let data = match cache.get(source.id, best) {
+            Lookup::Ready(data) => data,
+            elsewhere => {
+                self.missing.entry(best).or_insert(elsewhere);
+                let Some(data) = source.stand_in(cache, best) else {
+                    return;
+                };
+                data
+            }
         };
-        if data.tile != best {
-            self.missing.insert(best);
-        }
         self.shown.insert(leaf, data.tile);
         self.resident
             .entry(data.tile)
@@ -80,13 +85,14 @@ impl Gather<'_> {
         for leaf in leaves {
             gathered.add(self.cache, source, *leaf);
         }
-        let mut missing: Vec<Tile> = gathered.missing.iter().copied().collect();
-        missing.sort_unstable();
-        self.shown
-            .extend(gathered.resident.keys().map(|tile| source.number(*tile)));
-        for tile in missing {
-            let urgency = priority(&self.scene.data.ellipsoid, eye, tile);
-            self.want(source, tile, &self.cache.get(source.id, tile), urgency);
+        let mut missing: Vec<(Tile, Lookup)> = gathered.missing.drain().collect();
+        missing.sort_unstable_by_key(|(tile, _)| *tile);
+        for tile in gathered.resident.keys() {
+            self.note_drawable(source, *tile);
+        }
+        for (tile, found) in missing {
+            let urgency = self.urgency(eye, tile);
+            self.want(source, tile, &found, urgency);
         }
         gathered
     }

@@ -7,13 +7,14 @@ use std::collections::{HashMap, HashSet};
 use std::time::Instant;
 
 use bytemuck::Zeroable as _;
+use geodesy::Tile;
 use geodesy::frame::scalar_f32;
-use geodesy::{Horizon, Tile};
 use glam::DVec3;
 use shaders::TileRecord;
-use terrain::{Frustum, LodLimits, LodView, Selection};
+use terrain::Selection;
 use tiles::{DatasetId, Lookup, TileCache};
 
+use crate::arrivals::Arrivals;
 use crate::error::RenderError;
 use crate::geometry::Geometries;
 use crate::gpu::Gpu;
@@ -21,11 +22,11 @@ use crate::layers::LAYER_SIDE;
 use crate::loaded::LoadedScene;
 use crate::meshes::{MeshDraw, Meshes};
 use crate::process::Processor;
-use crate::ranges::Ranges;
 use crate::recorder::PassTimes;
 use crate::refine::Refiner;
 use crate::refining::{Refined, TauSteps};
 use crate::renderer::{FrameStatistics, PlannedBlock, ViewPoint};
+use crate::sight::{Most, Sight, Sights};
 use crate::source::Source;
 use crate::textures::SurfaceTextures;
 
@@ -34,25 +35,6 @@ use crate::textures::SurfaceTextures;
 pub(crate) struct BlockDraws {
     pub(crate) output: usize,
     pub(crate) patches: Vec<MeshDraw>,
-}
-
-/// Leaves over the whole planet that one selection may have.
-const MOST_LEAVES: usize = 32_768;
-
-/// How much may be visible to one eye.
-#[derive(Clone, Copy)]
-struct Most {
-    /// Leaves and those around them, for their geometries.
-    leaves: usize,
-    /// Tiles of fused heights or of fused colours.
-    tiles: usize,
-}
-
-/// What an eye sees: leaves of the planet, those visible in each block, and in any.
-struct Sight {
-    selection: Selection,
-    visible_in: Vec<Vec<Tile>>,
-    visible: Vec<Tile>,
 }
 
 /// What one frame works with, and what it has found so far.
@@ -75,14 +57,19 @@ pub(crate) struct Gather<'a> {
     /// No picture was complete yet, and not much time has passed.
     pub(crate) first: bool,
     pub(crate) frame: u64,
+    /// Where the room faces: a unit vector in ECEF axes.
+    pub(crate) gaze: DVec3,
     pub(crate) upload_until: Instant,
     /// Steps of processing that this frame may still begin, on a device where a step takes long.
     pub(crate) steps_left: Option<u32>,
     /// Something was processed in this frame.
     pub(crate) worked: bool,
+    pub(crate) arrivals: &'a mut Arrivals,
     pub(crate) wants: Vec<(DatasetId, Tile, f32)>,
     /// Wanted tiles that can be expected; those that failed to load are tried again, but not waited for.
     pub(crate) pending: HashSet<(DatasetId, Tile)>,
+    /// Wanted tiles whose repository cannot be reached: the picture is not complete without them, but goes on.
+    pub(crate) away: HashSet<(DatasetId, Tile)>,
     /// Something could be made now and was not: time or room were over.
     pub(crate) behind: bool,
     /// Some data could not be had; a later try may succeed.
@@ -102,34 +89,16 @@ impl Gather<'_> {
         view: &ViewPoint,
         blocks: &[PlannedBlock],
     ) -> Result<(Vec<BlockDraws>, Vec<TileRecord>), RenderError> {
-        let eyes = (0..view.eyes.len())
-            .filter(|eye| blocks.iter().any(|planned| planned.eye == *eye))
-            .count();
-        let eyes = eyes.max(1);
-        let all = Most {
+        let most = Most {
             // Half, so that the geometries of two scenes fit.
             leaves: self.geometries.capacity() / 2,
             tiles: self.textures.most_tiles(),
         };
-        // Eyes of one room see almost the same tiles: what counts is how many there are together. Eyes that see
-        // different ones share alike.
-        let mut most_visible = all;
-        let mut sights = self.sights(view, blocks, most_visible);
-        let mut together = together(&sights);
-        // Where their neighbours differ, two eyes have a tile each: hence the reserve.
-        let shared = Most {
-            leaves: all.leaves / 5 * 4,
-            tiles: all.tiles / 5 * 4,
-        };
-        if eyes > 1 && !self.fits(&together, shared) {
-            most_visible = Most {
-                leaves: all.leaves / eyes,
-                tiles: all.tiles / eyes,
-            };
-            sights = self.sights(view, blocks, most_visible);
-            together = self::together(&sights);
-        }
-        let tiles = self.distinct_tiles(&together.1);
+        let Sights {
+            of_eyes: sights,
+            visible,
+        } = self.scene.sights(view, blocks, most);
+        let tiles = self.scene.distinct_tiles(&visible);
         for (_, _, sight) in &sights {
             let selection = &sight.selection;
             self.statistics.selected_tiles += selection.leaves().len() as u32;
@@ -152,14 +121,9 @@ impl Gather<'_> {
         for (eye, of_eye, mut sight) in sights {
             if self.first && self.is_far(eye) && self.waits(eye, &sight)? {
                 // Until the data is there the roots stand for it: meshes of what stands in would be made for nothing.
-                sight = self.see(
-                    eye,
-                    view.pixels_per_radian,
-                    &of_eye,
-                    blocks,
-                    most_visible,
-                    0,
-                );
+                sight = self
+                    .scene
+                    .roots_seen(eye, view.pixels_per_radian, &of_eye, blocks);
             }
             let surfaces = self.surfaces(
                 eye,
@@ -181,33 +145,6 @@ impl Gather<'_> {
         Ok((draws, records))
     }
 
-    /// What each eye sees that has any block: the eye, its blocks, its leaves.
-    fn sights(
-        &self,
-        view: &ViewPoint,
-        blocks: &[PlannedBlock],
-        most_visible: Most,
-    ) -> Vec<(DVec3, Vec<usize>, Sight)> {
-        let eyes = view.eyes.iter().enumerate();
-        let sights = eyes.filter_map(|(index, eye)| {
-            let of_eye: Vec<usize> = (0..blocks.len())
-                .filter(|block| blocks[*block].eye == index)
-                .collect();
-            let density = view.pixels_per_radian;
-            let deepest = self.scene.data.deepest_level;
-            (!of_eye.is_empty()).then(|| {
-                let sight = self.see(*eye, density, &of_eye, blocks, most_visible, deepest);
-                (*eye, of_eye, sight)
-            })
-        });
-        sights.collect()
-    }
-
-    /// Whether budgets hold leaves with those around them, and what visible leaves show.
-    fn fits(&self, (leaves, visible): &(Vec<Tile>, Vec<Tile>), most: Most) -> bool {
-        leaves.len() <= most.leaves && self.distinct_tiles(visible) <= most.tiles
-    }
-
     /// From this far away the roots are flat enough.
     fn is_far(&self, eye: DVec3) -> bool {
         eye.length() > 1.5 * self.scene.data.ellipsoid.semi_major_m
@@ -220,66 +157,6 @@ impl Gather<'_> {
         self.elevation(eye, &domain);
         self.show(eye, &sight.visible)?;
         Ok(!self.pending.is_empty())
-    }
-
-    /// Selects for an eye and culls for each block. Where more is visible than the budgets hold, tiles are
-    /// split later, by whole factors of √2, until it fits.
-    fn see(
-        &self,
-        eye: DVec3,
-        pixels_per_radian: f64,
-        of_eye: &[usize],
-        blocks: &[PlannedBlock],
-        most_visible: Most,
-        deepest_level: u8,
-    ) -> Sight {
-        let ellipsoid = &self.scene.data.ellipsoid;
-        let ranges = Ranges(self.scene);
-        let horizon = Horizon::new(ellipsoid, ranges.floor_m(), eye);
-        let mut limits = LodLimits {
-            deepest_level,
-            tile_px: self.scene.data.tile_px,
-            most_tiles: MOST_LEAVES,
-        };
-        loop {
-            let lod = LodView {
-                eye,
-                pixels_per_radian,
-            };
-            let selection = terrain::select(ellipsoid, &lod, &limits, &ranges);
-            let visible_in: Vec<Vec<Tile>> = of_eye
-                .iter()
-                .map(|index| {
-                    let frustum =
-                        Frustum::from_corners(eye, blocks[*index].block.corner_directions);
-                    terrain::cull(ellipsoid, &selection, &[frustum], &horizon, &ranges)
-                })
-                .collect();
-            let mut visible: Vec<Tile> = visible_in.iter().flatten().copied().collect();
-            visible.sort_unstable();
-            visible.dedup();
-            // Six roots are the least there can be.
-            let fits = terrain::ring(&selection, &visible).len() <= most_visible.leaves
-                && self.distinct_tiles(&visible) <= most_visible.tiles;
-            if fits || selection.leaves().len() <= Tile::ROOTS.len() {
-                return Sight {
-                    selection,
-                    visible_in,
-                    visible,
-                };
-            }
-            limits.tile_px = selection.achieved_tile_px() * std::f64::consts::SQRT_2;
-        }
-    }
-
-    /// Tiles whose fused heights or fused colours these leaves show, whichever are more.
-    fn distinct_tiles(&self, leaves: &[Tile]) -> usize {
-        let count = |tile_of: &dyn Fn(Tile) -> Option<Tile>| {
-            let tiles: HashSet<Tile> = leaves.iter().filter_map(|leaf| tile_of(*leaf)).collect();
-            tiles.len()
-        };
-        let heights = count(&|leaf| self.scene.heights_tile(leaf));
-        heights.max(count(&|leaf| self.scene.colours_tile(leaf)))
     }
 
     /// Finds or makes what each visible leaf needs: its mesh, its layer of colour, its layer of relief.
@@ -333,13 +210,18 @@ impl Gather<'_> {
 
     /// Wishes for a tile that is not in memory.
     pub(crate) fn want(&mut self, source: &Source, tile: Tile, found: &Lookup, priority: f32) {
+        let key = (source.id, tile);
         match found {
             Lookup::Pending => {
-                self.pending.insert((source.id, tile));
+                self.pending.insert(key);
+            }
+            Lookup::Away(_) => {
+                self.away.insert(key);
             }
             Lookup::Failed(_) => self.lacks = true,
             Lookup::Ready(_) | Lookup::Absent => return,
         }
+        self.arrivals.wanted(key, false, self.frame);
         self.wants.push((source.id, tile, priority));
     }
 
@@ -353,6 +235,11 @@ impl Gather<'_> {
             }
     }
 
+    /// How soon the data of a tile is wanted.
+    pub(crate) fn urgency(&self, eye: DVec3, tile: Tile) -> f32 {
+        priority(&self.scene.data.ellipsoid, (eye, self.gaze), tile)
+    }
+
     pub(crate) fn may_upload(&self) -> bool {
         // At least one a frame, or a slow machine would never finish.
         match self.steps_left {
@@ -360,20 +247,6 @@ impl Gather<'_> {
             None => !self.worked || Instant::now() < self.upload_until,
         }
     }
-}
-
-/// The leaves of all sights with those around them, and the visible ones among them: each once.
-fn together(sights: &[(DVec3, Vec<usize>, Sight)]) -> (Vec<Tile>, Vec<Tile>) {
-    let once = |mut tiles: Vec<Tile>| {
-        tiles.sort_unstable();
-        tiles.dedup();
-        tiles
-    };
-    let around = sights
-        .iter()
-        .flat_map(|(_, _, sight)| terrain::ring(&sight.selection, &sight.visible));
-    let visible = sights.iter().flat_map(|(_, _, sight)| &sight.visible);
-    (once(around.collect()), once(visible.copied().collect()))
 }
 
 /// Where the lattice of `leaf` lies in the layer of `shown`, itself or an ancestor: offset, scale, layer.
@@ -393,10 +266,17 @@ fn place(leaf: Tile, shown: Tile, layer: u32) -> [f32; 4] {
     ]
 }
 
-/// Larger for what covers more of the sight: coarse tiles and near tiles first.
-pub(crate) fn priority(ellipsoid: &geodesy::Ellipsoid, eye: DVec3, tile: Tile) -> f32 {
+/// Larger for what covers more of the screen, and for what lies ahead: coarse tiles, near tiles and those in the middle
+/// of the sight first. What lies behind counts a quarter.
+pub(crate) fn priority(
+    ellipsoid: &geodesy::Ellipsoid,
+    (eye, gaze): (DVec3, DVec3),
+    tile: Tile,
+) -> f32 {
     let middle = geodesy::LatticePoint::of_tile(tile, geodesy::CELLS / 2, geodesy::CELLS / 2);
-    let distance = ellipsoid.point(middle.normal(), 0.0).distance(eye).max(1.0);
+    let to_tile = ellipsoid.point(middle.normal(), 0.0) - eye;
+    let distance = to_tile.length().max(1.0);
     let width = ellipsoid.semi_major_m / f64::from(1_u32 << tile.level());
-    scalar_f32(width / distance)
+    let ahead = (to_tile / distance).dot(gaze).max(0.0);
+    scalar_f32(width / distance * (0.25 + 0.75 * ahead))
 }

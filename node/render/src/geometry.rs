@@ -68,6 +68,8 @@ pub(crate) struct Geometries {
     tables: HashMap<(GeometryKey, TableKey), Table>,
     /// The frame in which tables were last given up.
     trimmed: u64,
+    /// The budget would hold more than the device can bind.
+    is_device_full: bool,
 }
 
 impl Geometries {
@@ -84,7 +86,13 @@ impl Geometries {
             free: (0..most).rev().collect(),
             tables: HashMap::new(),
             trimmed: 0,
+            is_device_full: budget_bytes / bytes >= bound,
         }
+    }
+
+    /// Whether a larger budget would make no more room: the device binds no larger buffers.
+    pub(crate) fn is_device_full(&self) -> bool {
+        self.is_device_full
     }
 
     /// Leaves that there is room for.

@@ -3,9 +3,11 @@
 //! In: a scene, views, a tile cache. Out: one picture per output, in memory or in windows, and a word on
 //! whether it shows the best data there is. It knows no network, and reads no file but through the cache.
 
+mod arrivals;
 mod canvas;
 mod elevation;
 mod error;
+mod fetch;
 mod finish;
 mod gather;
 mod geometry;
@@ -30,6 +32,7 @@ mod renderer;
 mod scene;
 mod scratch;
 mod show;
+mod sight;
 mod source;
 mod spans;
 mod target;
@@ -38,6 +41,8 @@ mod timing;
 mod uniform;
 mod window;
 
+#[cfg(test)]
+mod away_tests;
 #[cfg(test)]
 mod device_tests;
 #[cfg(test)]
@@ -55,6 +60,7 @@ mod test_planet;
 
 pub use canvas::{BLOCK_PX, PixelRect, PlanarScreen};
 pub use error::RenderError;
+pub use fetch::{Fetched, FetchedTile, Unfetched, fetch};
 pub use gpu::{Gpu, GpuError};
 pub use layer::{
     Aspect, Blend, Elevation, Fusion, Hillshade, Imagery, Isolines, LayerData, LayerParameters,
@@ -70,6 +76,9 @@ pub use renderer::{
 };
 pub use scene::{Air, Light, Refine, SceneData, sun_over};
 pub use target::Picture;
-pub use tiles::{CacheConfig, TileCache};
+pub use tiles::{
+    CacheConfig, Directories, DiskRate, Level, OpenDataset, Opener, TileCache, Wish, count_on_disk,
+    measure_disk, upkeep,
+};
 pub use timing::{SampleWords, StageTiming, time_stages};
 pub use window::WindowSurface;

@@ -6,7 +6,9 @@
 
 mod ahead;
 mod blocks;
+mod foresight;
 mod measure;
+mod needs;
 mod shown;
 mod view;
 
@@ -18,8 +20,9 @@ use std::time::{Duration, Instant};
 use geodesy::Tile;
 use glam::DVec3;
 use shaders::{FrameUniform, TileRecord};
-use tiles::{DatasetId, TileCache, Wish};
+use tiles::{DatasetId, Level, TileCache, Wish};
 
+use crate::arrivals::Arrivals;
 use crate::error::RenderError;
 use crate::finish::Finisher;
 use crate::gather::{BlockDraws, Gather};
@@ -38,6 +41,7 @@ use crate::target::{BlockTarget, OutputTarget, Picture};
 use crate::textures::SurfaceTextures;
 use crate::uniform::frame_uniform;
 use blocks::{block_layouts, copy_block, dark_pictures, filled_blocks, plan_blocks};
+use foresight::Foresight;
 
 pub use ahead::AheadStatistics;
 pub(crate) use blocks::PlannedBlock;
@@ -101,6 +105,8 @@ pub struct Renderer {
     instead: HashMap<usize, Picture>,
     used: HashSet<u64>,
     new_tiles: Vec<u64>,
+    arrivals: Arrivals,
+    foresight: Foresight,
     last: Option<LastFrame>,
 }
 
@@ -114,6 +120,8 @@ struct LastFrame {
     wants: Vec<Wish>,
     /// Tiles on their way.
     pending: HashSet<(DatasetId, Tile)>,
+    /// Not all was made that could be.
+    behind: bool,
     /// Some data could not be had.
     lacks: bool,
     /// What each eye's leaves were made of.
@@ -144,7 +152,7 @@ impl LastFrame {
 
     /// True where only tiles on their way can change the picture, and none has come.
     fn waits_for_arrivals(&self, arrivals: u64) -> bool {
-        self.statistics.pending_tiles > 0 && self.arrivals == arrivals
+        self.statistics.pending_tiles > 0 && !self.behind && self.arrivals == arrivals
     }
 }
 
@@ -198,6 +206,8 @@ impl Renderer {
             instead: HashMap::new(),
             used: HashSet::new(),
             new_tiles: Vec::new(),
+            arrivals: Arrivals::default(),
+            foresight: Foresight::default(),
             last: None,
         })
     }
@@ -219,6 +229,12 @@ impl Renderer {
         std::mem::replace(&mut self.new_tiles, rest)
     }
 
+    /// How long tiles took from the first frame that wanted them to the one that could draw them, with the level of the
+    /// cache that each was found at: what was not told yet, at most `most`.
+    pub fn take_drawable(&mut self, most: usize) -> Vec<(Level, Duration)> {
+        self.arrivals.take(most)
+    }
+
     /// Draws the view of a scene as [`Renderer::draw_shown`] does, then goes on preparing the next scene in what is
     /// left of the time that a frame has for it.
     pub fn draw(
@@ -232,6 +248,11 @@ impl Renderer {
         statistics.prepared = ahead.prepared;
         statistics.processed_tiles += ahead.processed_tiles;
         Ok(statistics)
+    }
+
+    /// Whether a larger memory budget would not hold more tiles: the device itself binds no larger buffers.
+    pub fn is_device_full(&self) -> bool {
+        self.geometries.is_device_full()
     }
 
     /// Draws the view of a scene into every output and waits for the GPU. Draws nothing where nothing changed.
@@ -288,6 +309,7 @@ impl Renderer {
         };
         let lacking_until = upload_until.max(begin + lacking);
         let mut gathered = self.gather(scene, view, &blocks, lacking_until, false)?;
+        self.arrivals.forget_before(self.frame);
         let (relit, switched) = (
             std::mem::take(&mut self.relit),
             std::mem::take(&mut self.switched),
@@ -330,6 +352,7 @@ impl Renderer {
             arrivals,
             wants: gathered.wants,
             pending: gathered.pending,
+            behind: gathered.behind,
             lacks: gathered.lacks,
             refined: gathered.refined,
             statistics: gathered.statistics,
@@ -370,6 +393,7 @@ impl Renderer {
             ahead,
             first: !self.complete && !ahead && begun.elapsed() < FIRST_PICTURE,
             frame: self.frame,
+            gaze: -view.room.z_axis,
             upload_until,
             steps_left: (ahead && self.gpu.is_software()).then(|| {
                 let steps = self.budget.upload.as_secs_f64() / STEP.as_secs_f64();
@@ -382,8 +406,10 @@ impl Renderer {
                 }
             }),
             worked: false,
+            arrivals: &mut self.arrivals,
             wants: Vec::new(),
             pending: HashSet::new(),
+            away: HashSet::new(),
             behind: false,
             lacks: false,
             broken: HashMap::new(),
@@ -396,8 +422,8 @@ impl Renderer {
         };
         let (draws, records) = gather.run(view, blocks)?;
         let mut statistics = gather.statistics;
-        statistics.pending_tiles = gather.pending.len() as u32;
-        statistics.converged &= gather.pending.is_empty() && !gather.behind;
+        statistics.pending_tiles = (gather.pending.len() + gather.away.len()) as u32;
+        statistics.converged &= statistics.pending_tiles == 0 && !gather.behind;
         let (behind, lacks) = (gather.behind, gather.lacks);
         let pending = std::mem::take(&mut gather.pending);
         let wants = std::mem::take(&mut gather.wants);

@@ -12,8 +12,9 @@ use glam::DVec3;
 use tiles::Lookup;
 
 use crate::error::RenderError;
-use crate::gather::{Gather, priority};
+use crate::gather::Gather;
 use crate::process::{Finish, Made, Plan, Work};
+use crate::source::Source;
 
 /// Jobs after which a fast device is waited for, so that the budget counts its time too.
 const JOBS_AT_ONCE: u32 = 8;
@@ -126,15 +127,18 @@ impl Gather<'_> {
             };
             let found = self.cache.get(data.id, *source);
             match &found {
-                Lookup::Ready(_) => {}
+                Lookup::Ready(_) => {
+                    let key = (data.id, *source);
+                    self.arrivals.wanted(key, true, self.frame);
+                }
                 Lookup::Pending => waiting = true,
-                Lookup::Failed(_) | Lookup::Absent => {
+                Lookup::Away(_) | Lookup::Failed(_) | Lookup::Absent => {
                     // The layer shows coarser data until a later try succeeds.
                     let sources = sources.get_or_insert_with(|| scene.best_sources(tile));
                     let works = |tile: &Tile| {
                         !matches!(
                             self.cache.get(data.id, *tile),
-                            Lookup::Failed(_) | Lookup::Absent
+                            Lookup::Away(_) | Lookup::Failed(_) | Lookup::Absent
                         )
                     };
                     if let Some(slot) = sources.get_mut(*layer) {
@@ -142,7 +146,7 @@ impl Gather<'_> {
                     }
                 }
             }
-            let urgency = priority(&scene.data.ellipsoid, eye, *source);
+            let urgency = self.urgency(eye, *source);
             self.want(data, *source, &found, urgency);
         }
         match sources {
@@ -177,7 +181,7 @@ impl Gather<'_> {
             {
                 let found = self.cache.get(data.id, *source);
                 waiting |= !matches!(found, Lookup::Ready(_));
-                let urgency = priority(&scene.data.ellipsoid, eye, *source);
+                let urgency = self.urgency(eye, *source);
                 self.want(data, *source, &found, urgency);
             }
         }
@@ -285,9 +289,17 @@ impl Gather<'_> {
             if let Work::Upload { layer, source, .. } = &node.work
                 && let Some(data) = self.scene.source(*layer)
             {
-                self.shown.push(data.number(*source));
+                self.note_drawable(data, *source);
             }
         }
+    }
+
+    /// A tile's data was brought to the device or into a mesh.
+    pub(crate) fn note_drawable(&mut self, data: &Source, tile: Tile) {
+        self.shown.push(data.number(tile));
+        let cache = self.cache;
+        self.arrivals
+            .drawable((data.id, tile), || cache.level(data.id, tile));
     }
 
     /// What a leaf shows of a tile's result: the result, or its finest ancestor's.

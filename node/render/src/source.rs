@@ -20,8 +20,6 @@ const STATISTICS_TILES: usize = 8;
 pub(crate) struct Source {
     pub(crate) id: DatasetId,
     pub(crate) path: PathBuf,
-    /// Tells this layer's tiles from those of others; the same on every node.
-    seed: u64,
     pub(crate) data: Arc<OpenDataset>,
     /// Samples that are shown as 0 and 1 where nobody asks for others.
     pub(crate) range: [f64; 2],
@@ -78,9 +76,6 @@ impl Source {
                 ellipsoid.semi_minor_m
             )));
         }
-        // The last 16 of the id's 32 hexadecimal digits.
-        let digits = id.to_string().split_off(16);
-        let seed = u64::from_str_radix(&digits, 16).unwrap_or_default();
         let bounds = bounds(&data, |_| true).unwrap_or_default();
         let range = match kind {
             Kind::Elevation => [0.0, 1.0],
@@ -91,7 +86,6 @@ impl Source {
         Ok(Self {
             id,
             path: path.to_owned(),
-            seed,
             data,
             range,
             bounds,
@@ -121,8 +115,7 @@ impl Source {
 
     /// A number of a tile of this data set that is the same on every node.
     pub(crate) fn number(&self, tile: Tile) -> u64 {
-        self.seed
-            .wrapping_add(tile.id().wrapping_mul(0x9E37_79B9_7F4A_7C15))
+        self.id.number(tile)
     }
 
     /// The tile whose data a leaf should show: itself, or its finest ancestor that exists.
@@ -149,13 +142,13 @@ impl Source {
             .reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)))
     }
 
-    /// The data that a leaf can show now: the finest of its lineage that is in memory. Never blocks.
-    pub(crate) fn resident(&self, cache: &TileCache, leaf: Tile) -> Option<Arc<TileData>> {
-        self.best(leaf)?
-            .lineage()
+    /// What can stand in now for a tile that is not in memory: the finest of its ancestors that is. Never blocks.
+    pub(crate) fn stand_in(&self, cache: &TileCache, tile: Tile) -> Option<Arc<TileData>> {
+        tile.lineage()
+            .skip(1)
             .find_map(|tile| match cache.get(self.id, tile) {
                 Lookup::Ready(data) => Some(data),
-                Lookup::Absent | Lookup::Pending | Lookup::Failed(_) => None,
+                _ => None,
             })
     }
 }

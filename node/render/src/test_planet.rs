@@ -9,8 +9,8 @@ use std::time::{Duration, Instant};
 use geodesy::{Ellipsoid, LatticePoint, Tile};
 use glam::{DMat3, DVec3};
 use tiles::{
-    CacheConfig, Dataset, Index, Kind, Repository, SampleType, Samples, TileCache, TileData,
-    Validity,
+    CacheConfig, Dataset, Directories, Index, Kind, Opener, Repository, SampleType, Samples,
+    TileCache, TileData, Validity,
 };
 
 use crate::canvas::{PixelRect, PlanarScreen};
@@ -141,13 +141,25 @@ impl Planet {
     }
 
     pub(crate) fn renderer(&self, outputs: &[OutputPlan], gpu_bytes: u64) -> Renderer {
+        self.renderer_with(outputs, gpu_bytes, Arc::new(Directories))
+    }
+
+    /// The same with data from wherever `opener` finds them.
+    pub(crate) fn renderer_with(
+        &self,
+        outputs: &[OutputPlan],
+        gpu_bytes: u64,
+        opener: Arc<dyn Opener>,
+    ) -> Renderer {
         let config = CacheConfig {
             ram_bytes: 256 << 20,
             disk_bytes: 0,
             disk_directory: None,
-            threads: 2,
+            lease: Duration::from_secs(5),
+            requests: 2,
+            decoders: 2,
         };
-        let cache = Arc::new(TileCache::open(&config).unwrap());
+        let cache = Arc::new(TileCache::open_with(&config, opener).unwrap());
         let budget = RenderBudget {
             gpu_bytes,
             upload: Duration::from_millis(5),

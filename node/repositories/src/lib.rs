@@ -29,7 +29,7 @@ pub use address::{Address, AddressError};
 pub use credentials::CredentialsError;
 pub use failure::Failure;
 pub use open::OpenError;
-pub use options::{Options, OptionsError};
+pub use options::{CREDENTIALS_VARIABLE, Options, OptionsError};
 pub use remote::RepositoryState;
 pub use store::StoreError;
 

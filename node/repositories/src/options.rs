@@ -65,7 +65,20 @@ impl Default for Options {
     }
 }
 
+/// The variable that names a node's file with credentials for `s3://`.
+pub const CREDENTIALS_VARIABLE: &str = "TERRAWALL_CREDENTIALS";
+
 impl Options {
+    /// The defaults, with the credentials file that [`CREDENTIALS_VARIABLE`] names, if it names one.
+    #[must_use]
+    pub fn from_environment() -> Self {
+        let file = std::env::var_os(CREDENTIALS_VARIABLE).filter(|file| !file.is_empty());
+        Self {
+            credentials_file: file.map(PathBuf::from),
+            ..Self::default()
+        }
+    }
+
     /// Whether all figures are in their ranges.
     ///
     /// # Errors

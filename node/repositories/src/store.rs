@@ -30,8 +30,8 @@ pub enum StoreError {
     Credentials(#[from] CredentialsError),
     /// Nothing to sign with.
     #[error(
-        "there are no credentials for s3://: set AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY, or name a credentials file, \
-         or set AWS_SKIP_SIGNATURE=true for a public bucket; the role of a cloud machine is asked for only if \
+        "there are no credentials for s3://: set AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY, or name a credentials \
+         file in TERRAWALL_CREDENTIALS, or set AWS_SKIP_SIGNATURE=true for a public bucket; the role of a cloud machine is asked for only if \
          AWS_METADATA_ENDPOINT is set"
     )]
     NoCredentials,

@@ -10,7 +10,8 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
-use common::{Action, Front, pyramid, quick, reply, tile_data, unlucky, write_repository};
+use common::front::{Action, Front, reply, unlucky};
+use common::{place, pyramid, quick, tile_data, write_repository};
 use geodesy::Tile;
 use repositories::{Address, Failure, OpenError, Options, Repositories};
 use tiles::{OpenDataset, ReadError};
@@ -72,7 +73,7 @@ fn all_tiles_come_right_over_a_bad_network() {
         ..quick()
     };
     let repositories = Repositories::new(&options).unwrap();
-    let open = repositories.open(&front.url("")).unwrap();
+    let open = repositories.open(&place(&front, "")).unwrap();
     let tiles = pyramid(2);
     assert_eq!(open.index.tiles().len(), tiles.len());
     read_all(&open, &tiles, 24);
@@ -106,7 +107,7 @@ fn one_connection_serves_many_requests() {
     let server = serve(folder.path());
     let front = Front::new(Some(server.address()), |_| Action::Forward);
     let repositories = Repositories::new(&quick()).unwrap();
-    let open = repositories.open(&front.url("")).unwrap();
+    let open = repositories.open(&place(&front, "")).unwrap();
     read_all(&open, &pyramid(1), 1);
     assert_eq!((front.requests(), front.connections()), (33, 1));
 }
@@ -131,7 +132,7 @@ fn an_outage_costs_no_waiting_and_ends_by_itself() {
         ..quick()
     };
     let repositories = Repositories::new(&options).unwrap();
-    let open = repositories.open(&front.url("")).unwrap();
+    let open = repositories.open(&place(&front, "")).unwrap();
     down.store(true, Ordering::SeqCst);
     let begin = Instant::now();
     std::thread::scope(|scope| {
@@ -167,7 +168,7 @@ fn an_outage_costs_no_waiting_and_ends_by_itself() {
     let probes = front.requests() - sent;
     assert!((2..=8).contains(&probes), "{probes} probes");
     assert!(refused > 100, "{refused}");
-    let error = repositories.revalidate(&front.url("")).err().unwrap();
+    let error = repositories.revalidate(&place(&front, "")).err().unwrap();
     assert!(error.may_pass(), "{error}");
     down.store(false, Ordering::SeqCst);
     // Nobody asks for anything now.
@@ -211,7 +212,7 @@ fn an_unchanged_repository_costs_one_request_and_a_changed_one_is_read() {
     let server = serve(folder.path());
     let front = Front::new(Some(server.address()), |_| Action::Forward);
     let repositories = Repositories::new(&quick()).unwrap();
-    let address = front.url("");
+    let address = place(&front, "");
     let first = repositories.open(&address).unwrap();
     assert_eq!(first.dataset.revision, 1);
     let before = (front.requests(), server.counters().not_modified);
@@ -268,13 +269,13 @@ fn an_import_that_ends_while_it_is_opened_is_read_whole() {
         Action::Forward
     });
     let repositories = Repositories::new(&quick()).unwrap();
-    let open = repositories.open(&front.url("")).unwrap();
+    let open = repositories.open(&place(&front, "")).unwrap();
     assert_eq!(open.dataset.revision, repository.dataset().revision + 1);
     // Description, index, description (changed), index, description (the same).
     assert_eq!(front.requests(), 5);
     rounds.store(u64::MAX, Ordering::SeqCst);
     let again = Repositories::new(&quick()).unwrap();
-    let error = again.open(&front.url("")).err().unwrap();
+    let error = again.open(&place(&front, "")).err().unwrap();
     assert!(matches!(error, OpenError::Restless { .. }), "{error}");
     assert!(error.may_pass());
 }
@@ -283,7 +284,7 @@ fn an_import_that_ends_while_it_is_opened_is_read_whole() {
 fn scripted(
     folder: &Path,
     options: &Options,
-    script: impl Fn(&common::Head) -> Action + Send + Sync + 'static,
+    script: impl Fn(&common::front::Head) -> Action + Send + Sync + 'static,
 ) -> (serve::Server, Front, Repositories, OpenDataset) {
     write_repository(folder, 0);
     let server = serve(folder);
@@ -295,7 +296,7 @@ fn scripted(
         }
     });
     let repositories = Repositories::new(options).unwrap();
-    let open = repositories.open(&front.url("/")).unwrap();
+    let open = repositories.open(&place(&front, "/")).unwrap();
     (server, front, repositories, open)
 }
 
@@ -335,7 +336,7 @@ fn what_will_not_pass_is_asked_for_once() {
         let begin = Instant::now();
         let error = open.read_now(*tile).unwrap_err();
         assert!(!error.to_string().contains("hush"), "{error}");
-        assert!(error.to_string().contains(&front.url("").to_string()));
+        assert!(error.to_string().contains(&front.url("")));
         assert_eq!(kind(Err(error)), due, "{tile}");
         assert!(begin.elapsed() < Duration::from_secs(1));
         one();

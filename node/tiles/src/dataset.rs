@@ -237,6 +237,13 @@ impl Dataset {
 }
 
 impl DatasetId {
+    /// A number of a tile of this data set that is the same in every process, and another for every other tile of any.
+    #[must_use]
+    pub fn number(self, tile: geodesy::Tile) -> u64 {
+        // A product with an odd number takes no two tiles to one place (Knuth's multiplicative hashing, with 2^64/φ).
+        (self.0 as u64).wrapping_add(tile.id().wrapping_mul(0x9E37_79B9_7F4A_7C15))
+    }
+
     /// A new id.
     #[must_use]
     pub fn random() -> Self {

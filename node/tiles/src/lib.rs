@@ -6,14 +6,15 @@
 
 mod codec;
 mod dataset;
-mod disk;
 mod format;
 mod index;
 mod inspect;
 mod loader;
+mod measure;
 mod publish;
 mod ram;
 mod repository;
+pub mod upkeep;
 
 pub use codec::{CodecError, Origin};
 pub use dataset::{DATASET_FILE, DATASET_VERSION, Dataset, DatasetError, DatasetId, SourceNote};
@@ -27,7 +28,10 @@ pub use inspect::{
     inspect_tile, value_at,
 };
 pub use loader::{
-    CacheConfig, CacheError, Counters, Lookup, OpenDataset, ReadError, TileCache, Wish, Wishes,
+    CacheConfig, CacheError, Counters, Directories, Lookup, OpenDataset, Opener, ReadError,
+    TileCache, Wish, Wishes,
 };
+pub use measure::{DiskRate, count_on_disk, measure_disk};
 pub use publish::PublishError;
+pub use ram::Level;
 pub use repository::{Repository, RepositoryError, Source, SourceError};

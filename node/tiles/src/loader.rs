@@ -1,10 +1,12 @@
 //! The way of a tile: from the repository over the disk to RAM, in threads, by priority.
 //!
 //! In: data sets, and wishes for tiles that are replaced at any time. Out: tiles that are in RAM now, never a
-//! wait. Each tile is loaded once however often it is wished for. What fails is tried again, soon at first,
-//! then rarely. All reading and decompression happens in the threads of this file. It decides nothing about
-//! which tiles are worth having.
+//! wait. Each tile is loaded once however often it is wished for, and where processes share a disk cache, by one of
+//! them. What fails is tried again, soon at first, then rarely. All reading and decompression happens in the threads
+//! of this file. It decides nothing about which tiles are worth having.
 
+mod ahead;
+mod gate;
 mod queue;
 mod work;
 
@@ -21,12 +23,13 @@ use serde::Serialize;
 use thiserror::Error;
 
 use crate::dataset::{Dataset, DatasetId};
-use crate::disk::DiskCache;
 use crate::format::{DecodeError, TileData};
 use crate::index::Index;
-use crate::publish::PublishError;
-use crate::ram::RamCache;
+use crate::ram::{Level, RamCache};
 use crate::repository::{Repository, RepositoryError, Source, SourceError};
+use ahead::Ahead;
+use disk_cache::DiskCache;
+use gate::Gate;
 use queue::Queue;
 
 /// How much a cache may use.
@@ -38,16 +41,20 @@ pub struct CacheConfig {
     pub disk_bytes: u64,
     /// Where they lie; processes may share it. `None` for no disk cache.
     pub disk_directory: Option<PathBuf>,
-    /// Threads that read and decode, at least 1.
-    pub threads: usize,
+    /// How long another process's claim to a tile holds that gives no sign of life.
+    pub lease: Duration,
+    /// Threads that read, at least 1: so many requests are under way at most.
+    pub requests: usize,
+    /// How many of them decode at the same time, at least 1.
+    pub decoders: usize,
 }
 
 /// Why a cache could not be set up.
 #[derive(Debug, Error)]
 pub enum CacheError {
-    /// The disk cache's directory cannot be made.
-    #[error("disk cache: {0}")]
-    Disk(#[from] PublishError),
+    /// The disk cache's directory cannot be used.
+    #[error(transparent)]
+    Disk(#[from] disk_cache::OpenError),
     /// The system gives no threads.
     #[error("cannot start a loader thread: {0}")]
     Threads(std::io::Error),
@@ -69,6 +76,25 @@ pub enum ReadError {
     },
 }
 
+/// Opens repositories, wherever they are: directories here, addresses elsewhere.
+pub trait Opener: Send + Sync {
+    /// Opens the repository at a place as scenes name it, and reads its index. May block.
+    fn open(&self, place: &Path) -> Result<OpenDataset, Box<dyn std::error::Error + Send + Sync>>;
+
+    /// Opens a repository that was opened before if it may have changed since; `None` if it has not, or if nobody can
+    /// tell at present. May block.
+    fn reopen(
+        &self,
+        place: &Path,
+    ) -> Result<Option<OpenDataset>, Box<dyn std::error::Error + Send + Sync>> {
+        self.open(place).map(Some)
+    }
+}
+
+/// Opens directories.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Directories;
+
 /// A data set that tiles can be loaded from.
 pub struct OpenDataset {
     /// Its description.
@@ -87,6 +113,8 @@ pub enum Lookup {
     Absent,
     /// Not in RAM: wish for it.
     Pending,
+    /// Not in RAM, and its repository cannot be reached: wish for it, and go without until it comes.
+    Away(Arc<str>),
     /// It could not be loaded several times over; tried again now and then while it is wished for.
     Failed(Arc<str>),
 }
@@ -106,6 +134,10 @@ pub struct Counters {
     pub corrupt: u64,
     /// Tiles that are given up for the time being.
     pub failed: u64,
+    /// Bytes of tiles in RAM that were loaded before anybody wanted them.
+    pub early_bytes: u64,
+    /// Of these, the bytes of tiles that nobody has wanted since.
+    pub vain_bytes: u64,
     /// Compressed bytes read from repositories.
     pub repository_bytes: u64,
     /// Bytes of tiles in RAM now.
@@ -131,8 +163,12 @@ pub struct Wishes {
 pub type Wish = (DatasetId, Tile, f32);
 
 struct Shared {
+    opener: Arc<dyn Opener>,
     datasets: RwLock<HashMap<DatasetId, Arc<OpenDataset>>>,
+    /// The same by the places where they were found.
+    places: Mutex<HashMap<PathBuf, Arc<OpenDataset>>>,
     disk: Option<DiskCache>,
+    decoding: Gate,
     state: Mutex<State>,
     /// Workers wait here for work, and for the time to try again.
     work: Condvar,
@@ -146,6 +182,9 @@ struct Shared {
 struct State {
     ram: RamCache,
     queue: Queue,
+    ahead: Ahead,
+    /// Numbers of tiles that came for the first time, until they are told.
+    loaded: Vec<u64>,
     stopping: bool,
 }
 
@@ -194,20 +233,40 @@ impl OpenDataset {
     }
 }
 
+impl Opener for Directories {
+    fn open(&self, place: &Path) -> Result<OpenDataset, Box<dyn std::error::Error + Send + Sync>> {
+        Ok(OpenDataset::of_repository(place)?)
+    }
+}
+
 impl TileCache {
-    /// Sets up the caches and starts the threads.
+    /// Sets up the caches and starts the threads. Data sets come from directories.
     pub fn open(config: &CacheConfig) -> Result<Self, CacheError> {
+        Self::open_with(config, Arc::new(Directories))
+    }
+
+    /// The same with data sets from wherever `opener` finds them.
+    pub fn open_with(config: &CacheConfig, opener: Arc<dyn Opener>) -> Result<Self, CacheError> {
         let disk = match &config.disk_directory {
-            Some(root) if config.disk_bytes > 0 => Some(DiskCache::open(root, config.disk_bytes)?),
+            Some(root) if config.disk_bytes > 0 => Some(DiskCache::open(&disk_cache::Config {
+                root: root.clone(),
+                budget_bytes: config.disk_bytes,
+                lease: config.lease,
+            })?),
             _ => None,
         };
         let ram = RamCache::new(config.ram_bytes);
         let shared = Arc::new(Shared {
+            opener,
             datasets: RwLock::default(),
+            places: Mutex::default(),
             disk,
+            decoding: Gate::new(config.decoders),
             state: Mutex::new(State {
                 ram,
                 queue: Queue::default(),
+                ahead: Ahead::default(),
+                loaded: Vec::new(),
                 stopping: false,
             }),
             work: Condvar::new(),
@@ -222,7 +281,7 @@ impl TileCache {
             default_wishes,
             workers: Vec::new(),
         };
-        for number in 0..config.threads.max(1) {
+        for number in 0..config.requests.max(1) {
             let shared = Arc::clone(&cache.shared);
             let worker = std::thread::Builder::new()
                 .name(format!("tiles-{number}"))
@@ -234,16 +293,32 @@ impl TileCache {
     }
 
     /// Opens a repository and reads its index, while the caller waits. A repository that is known already is
-    /// read again; where an import has changed it since, its tiles leave RAM.
-    pub fn add_dataset(&self, repository: &Path) -> Result<DatasetId, RepositoryError> {
-        Ok(self.add_source(OpenDataset::of_repository(repository)?))
+    /// asked again; where an import has changed it since, its tiles leave RAM.
+    pub fn add_dataset(
+        &self,
+        place: &Path,
+    ) -> Result<DatasetId, Box<dyn std::error::Error + Send + Sync>> {
+        let known = self.shared.places.lock().get(place).map(Arc::clone);
+        let opener = &self.shared.opener;
+        let open = match known {
+            None => Arc::new(opener.open(place)?),
+            Some(known) => opener.reopen(place)?.map_or(known, Arc::new),
+        };
+        let mut places = self.shared.places.lock();
+        places.insert(place.to_owned(), Arc::clone(&open));
+        drop(places);
+        Ok(self.add(open))
     }
 
     /// Adds a data set that is no repository directory.
     pub fn add_source(&self, added: OpenDataset) -> DatasetId {
+        self.add(Arc::new(added))
+    }
+
+    fn add(&self, added: Arc<OpenDataset>) -> DatasetId {
         let (id, revision) = (added.dataset.id, added.dataset.revision);
         let tile_bytes = TileData::full_size(added.dataset.sample_type, added.dataset.channels);
-        let known = self.shared.datasets.write().insert(id, Arc::new(added));
+        let known = self.shared.datasets.write().insert(id, added);
         let mut state = self.shared.state.lock();
         state.ram.expect(tile_bytes as u64);
         if known.is_some_and(|known| known.dataset.revision != revision) {
@@ -264,6 +339,7 @@ impl TileCache {
     pub fn get(&self, id: DatasetId, tile: Tile) -> Lookup {
         let mut state = self.shared.state.lock();
         if let Some(found) = state.ram.get(&(id, tile)) {
+            state.ahead.taken(&(id, tile));
             drop(state);
             if found.again {
                 self.shared.tally.ram_hits.fetch_add(1, Ordering::Relaxed);
@@ -276,6 +352,9 @@ impl TileCache {
         if let Some(reason) = state.queue.failure(&(id, tile)) {
             return Lookup::Failed(reason);
         }
+        if let Some(reason) = state.queue.away(&(id, tile)) {
+            return Lookup::Away(reason);
+        }
         drop(state);
         let datasets = self.shared.datasets.read();
         match datasets.get(&id) {
@@ -284,10 +363,22 @@ impl TileCache {
         }
     }
 
+    /// Where a tile was found that is in RAM now; does not count as use.
+    #[must_use]
+    pub fn level(&self, id: DatasetId, tile: Tile) -> Option<Level> {
+        self.shared.state.lock().ram.level(&(id, tile))
+    }
+
     /// Replaces the wishes made through this function. What is no longer wished for, here or through
     /// [`TileCache::wishes`], and has not been started, is not loaded.
     pub fn request(&self, wants: &[Wish]) {
         self.default_wishes.request(wants);
+    }
+
+    /// Replaces what is not wanted yet, but may be wanted soon. It is loaded when nothing else is to be, and only as
+    /// long as not too much of it was loaded in vain.
+    pub fn request_ahead(&self, wants: &[Wish]) {
+        self.default_wishes.request_ahead(wants);
     }
 
     /// A wish list of its own for another caller, as each GPU of a host is.
@@ -299,23 +390,46 @@ impl TileCache {
     /// Figures since the cache was opened.
     #[must_use]
     pub fn counters(&self) -> Counters {
-        let (ram_bytes, failed) = {
+        let (ram_bytes, failed, (early_bytes, vain_bytes)) = {
             let state = self.shared.state.lock();
-            (state.ram.bytes(), state.queue.failures() as u64)
+            let failed = state.queue.failures() as u64;
+            (state.ram.bytes(), failed, state.ahead.bytes())
         };
-        let tally = &self.shared.tally;
+        let (tally, disk) = (&self.shared.tally, self.shared.disk.as_ref());
         let read = |counter: &AtomicU64| counter.load(Ordering::Relaxed);
         Counters {
             distinct: read(&tally.distinct),
             repository_reads: read(&tally.repository_reads),
             disk_hits: read(&tally.disk_hits),
             ram_hits: read(&tally.ram_hits),
-            corrupt: read(&tally.corrupt),
+            corrupt: read(&tally.corrupt) + disk.map_or(0, |disk| disk.counters().broken),
             failed,
+            early_bytes,
+            vain_bytes,
             repository_bytes: read(&tally.repository_bytes),
             ram_bytes,
-            disk_bytes: self.shared.disk.as_ref().map_or(0, DiskCache::bytes),
+            disk_bytes: disk.map_or(0, DiskCache::bytes),
         }
+    }
+
+    /// The tiles of a data set that the disk cache holds. Looks for each of them, while the caller waits.
+    #[must_use]
+    pub fn on_disk(&self, id: DatasetId) -> Vec<Tile> {
+        let (Some(data), Some(disk)) = (self.dataset(id), &self.shared.disk) else {
+            return Vec::new();
+        };
+        let mut tiles = data.index.tiles();
+        tiles.retain(|tile| work::is_on(disk, &data.dataset, *tile));
+        tiles
+    }
+
+    /// Numbers ([`DatasetId::number`]) of tiles that came into RAM for the first time and were not told yet, at most
+    /// `most`.
+    #[must_use]
+    pub fn take_loaded(&self, most: usize) -> Vec<u64> {
+        let loaded = &mut self.shared.state.lock().loaded;
+        let rest = loaded.split_off(most.min(loaded.len()));
+        std::mem::replace(loaded, rest)
     }
 
     /// Counts up whenever a tile has arrived or failed.
@@ -383,6 +497,15 @@ impl Wishes {
 
     /// Replaces this list. Tiles that do not exist are passed over.
     pub fn request(&self, wants: &[Wish]) {
+        self.replace(wants, false);
+    }
+
+    /// Replaces the list of what this caller may want soon, as [`TileCache::request_ahead`].
+    pub fn request_ahead(&self, wants: &[Wish]) {
+        self.replace(wants, true);
+    }
+
+    fn replace(&self, wants: &[Wish], soon: bool) {
         let datasets = self.shared.datasets.read();
         let exists = |wish: &&Wish| {
             datasets
@@ -395,7 +518,7 @@ impl Wishes {
             .map(|(id, tile, priority)| ((*id, *tile), *priority));
         let mut state = self.shared.state.lock();
         let State { ram, queue, .. } = &mut *state;
-        queue.replace(self.caller, wants, |key| ram.contains(key));
+        queue.replace((self.caller, soon), wants, |key| ram.contains(key));
         ram.demote(|key| queue.is_wished(key));
         self.shared.work.notify_all();
         self.shared.news.notify_all();
@@ -405,5 +528,6 @@ impl Wishes {
 impl Drop for Wishes {
     fn drop(&mut self) {
         self.request(&[]);
+        self.request_ahead(&[]);
     }
 }

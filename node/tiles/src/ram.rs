@@ -17,6 +17,17 @@ pub(crate) type Key = (DatasetId, Tile);
 
 const NONE: usize = usize::MAX;
 
+/// Where a tile was found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Level {
+    /// In its repository.
+    Repository,
+    /// In the disk cache.
+    Disk,
+    /// In main memory already.
+    Ram,
+}
+
 /// Where a tile stands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Queue {
@@ -33,6 +44,7 @@ struct Slot {
     data: Arc<TileData>,
     bytes: u64,
     queue: Queue,
+    level: Level,
     /// Handed out at least once.
     served: bool,
     newer: usize,
@@ -117,6 +129,16 @@ impl RamCache {
         self.places.contains_key(key)
     }
 
+    /// Where a tile that is held was found; does not count as use.
+    pub(crate) fn level(&self, key: &Key) -> Option<Level> {
+        Some(self.slot(*self.places.get(key)?)?.level)
+    }
+
+    /// How large tiles are.
+    pub(crate) const fn tile_bytes(&self) -> u64 {
+        self.tile_bytes
+    }
+
     /// A tile, which becomes the most recently used one.
     pub(crate) fn get(&mut self, key: &Key) -> Option<Found> {
         let place = *self.places.get(key)?;
@@ -134,7 +156,7 @@ impl RamCache {
 
     /// Adds or replaces a tile and evicts others until the budget holds; returns how many. A single tile
     /// larger than the budget is kept until the next one comes.
-    pub(crate) fn insert(&mut self, key: Key, data: Arc<TileData>) -> usize {
+    pub(crate) fn insert(&mut self, key: Key, data: Arc<TileData>, level: Level) -> usize {
         self.remove(&key);
         let bytes = data.byte_size() as u64;
         self.expect(bytes);
@@ -148,6 +170,7 @@ impl RamCache {
             data,
             bytes,
             queue,
+            level,
             served: false,
             newer: NONE,
             older: NONE,
@@ -309,14 +332,14 @@ mod tests {
         let id = DatasetId::random();
         let mut cache = RamCache::new(3 * size());
         for root in Tile::ROOTS {
-            assert_eq!(cache.insert((id, root), data(root)), 0);
+            assert_eq!(cache.insert((id, root), data(root), Level::Disk), 0);
         }
         for n in 0..3 {
-            cache.insert((id, tile(n)), data(tile(n)));
+            cache.insert((id, tile(n)), data(tile(n)), Level::Disk);
             cache.get(&(id, tile(n))).unwrap();
         }
         cache.get(&(id, tile(0))).unwrap();
-        assert_eq!(cache.insert((id, tile(3)), data(tile(3))), 1);
+        assert_eq!(cache.insert((id, tile(3)), data(tile(3)), Level::Disk), 1);
         let held = |cache: &RamCache| {
             (0..4)
                 .filter(|n| cache.contains(&(id, tile(*n))))
@@ -332,18 +355,18 @@ mod tests {
     fn fresh_tiles_outlive_used_ones_and_fill_the_room() {
         let id = DatasetId::random();
         let mut cache = RamCache::new(2 * size());
-        cache.insert((id, tile(0)), data(tile(0)));
-        cache.insert((id, tile(1)), data(tile(1)));
+        cache.insert((id, tile(0)), data(tile(0)), Level::Disk);
+        cache.insert((id, tile(1)), data(tile(1)), Level::Disk);
         assert!(!cache.has_room(0));
         assert!(!cache.get(&(id, tile(1))).unwrap().again);
         assert!(cache.get(&(id, tile(1))).unwrap().again);
         assert!(cache.has_room(0) && !cache.has_room(1));
         // Tile 1 is the more recent one, but it was taken; tile 0 was not.
-        cache.insert((id, tile(2)), data(tile(2)));
+        cache.insert((id, tile(2)), data(tile(2)), Level::Disk);
         assert!(cache.contains(&(id, tile(0))) && !cache.contains(&(id, tile(1))));
         cache.demote(|key| key.1 != tile(0));
         assert!(cache.has_room(0));
-        cache.insert((id, tile(3)), data(tile(3)));
+        cache.insert((id, tile(3)), data(tile(3)), Level::Disk);
         assert!(!cache.contains(&(id, tile(0))));
     }
 
@@ -364,7 +387,7 @@ mod tests {
                         while fresh.len() + used.len() > budget {
                             if used.is_empty() { fresh.remove(0); } else { used.remove(0); }
                         }
-                        cache.insert((id, tile(n)), Arc::clone(&datas[n as usize]));
+                        cache.insert((id, tile(n)), Arc::clone(&datas[n as usize]), Level::Disk);
                     }
                     1 | 2 => {
                         let held = fresh.contains(&n) || used.contains(&n);

@@ -26,7 +26,9 @@ fn config(threads: usize) -> CacheConfig {
         ram_bytes: 1 << 30,
         disk_bytes: 0,
         disk_directory: None,
-        threads,
+        lease: Duration::from_secs(5),
+        requests: threads,
+        decoders: threads,
     }
 }
 
@@ -37,6 +39,7 @@ struct Probe {
     moved: Condvar,
     order: Mutex<Vec<Tile>>,
     failing: AtomicBool,
+    away: AtomicBool,
     broken: AtomicBool,
 }
 
@@ -73,12 +76,17 @@ impl Source for ProbeSource {
         while *shut {
             self.0.moved.wait(&mut shut);
         }
-        if self.0.failing.load(Ordering::SeqCst) {
-            let source = std::io::ErrorKind::ConnectionReset.into();
-            return Err(SourceError {
-                place: tile.to_string(),
-                source,
-            });
+        let kinds = [
+            (&self.0.failing, std::io::ErrorKind::ConnectionReset),
+            (&self.0.away, std::io::ErrorKind::ConnectionRefused),
+        ];
+        for (fails, kind) in kinds {
+            if fails.load(Ordering::SeqCst) {
+                return Err(SourceError {
+                    place: tile.to_string(),
+                    source: kind.into(),
+                });
+            }
         }
         let mut bytes = tile_data(tile).encode().unwrap();
         if self.0.broken.load(Ordering::SeqCst) {
@@ -309,6 +317,25 @@ fn failures_are_tried_again_then_reported_and_forgiven() {
 }
 
 #[test]
+fn a_repository_that_is_away_is_waited_for_and_told_once() {
+    let (cache, id, probe) = probed(&config(1), 0);
+    probe.away.store(true, Ordering::SeqCst);
+    cache.request(&wishes(id, &Tile::ROOTS[..1]));
+    probe.wait_reads(2);
+    let told = cache.generation();
+    // More often than a tile may fail.
+    probe.wait_reads(6);
+    assert!(!cache.wait_idle(Duration::ZERO));
+    let Lookup::Away(reason) = cache.get(id, Tile::ROOTS[0]) else {
+        panic!("it cannot be reached")
+    };
+    assert!(reason.contains("0/0/0/0"), "{reason}");
+    assert_eq!((cache.counters().failed, cache.generation()), (0, told));
+    probe.away.store(false, Ordering::SeqCst);
+    assert!(cache.wait_idle(SOON) && is_ready(&cache, id, Tile::ROOTS[0]));
+}
+
+#[test]
 fn a_broken_file_in_the_repository_is_counted_and_never_shown() {
     let (cache, id, probe) = probed(&config(1), 1);
     probe.broken.store(true, Ordering::SeqCst);
@@ -346,7 +373,7 @@ fn a_broken_file_on_disk_is_fetched_again() {
             let path = entry.unwrap().path();
             if path.is_dir() {
                 directories.push(path);
-            } else if path.ends_with("002.tile") {
+            } else if path.to_string_lossy().contains("002.tile") {
                 std::fs::write(&path, b"TWTILE then nothing").unwrap();
             }
         }

@@ -5,10 +5,10 @@ use std::collections::{BTreeMap, HashSet};
 
 use super::changes::ChangeTally;
 use super::tally::{SeriesTally, Tally};
-use super::{ErrorReport, Max, NodeReport, Report, TileReport};
+use super::{DrawableAfter, ErrorReport, Max, NodeReport, Report, TileReport};
 use crate::barrier::NodeId;
 use crate::membership::Membership;
-use crate::message::{ErrorMeasured, Presented, TileCounters};
+use crate::message::{CacheLevel, Drawable, ErrorMeasured, Presented, TileCounters, TileNews};
 use crate::wall::Wall;
 
 /// Frames whose reports are still waited for.
@@ -36,12 +36,17 @@ pub struct Recorder {
     view_bytes: u64,
     scene_bytes: u64,
     clock_error_us: u64,
-    tiles: HashSet<u64>,
+    /// Tiles that came into any node's main memory, and those that any showed.
+    loaded: HashSet<u64>,
+    shown: HashSet<u64>,
+    /// From wanted to drawable, for tiles of the repository, the disk and the memory.
+    drawable_us: [Tally; 3],
     errors: Vec<String>,
     series: SeriesTally,
     changes: ChangeTally,
     error_px: ErrorReport,
     achieved_tau_px: f64,
+    achieved_tile_px: f64,
     refined_leaves: u64,
 }
 
@@ -93,12 +98,15 @@ impl Recorder {
             view_bytes: 0,
             scene_bytes: 0,
             clock_error_us: 0,
-            tiles: HashSet::new(),
+            loaded: HashSet::new(),
+            shown: HashSet::new(),
+            drawable_us: [Tally::new(), Tally::new(), Tally::new()],
             errors: Vec::new(),
             series: SeriesTally::new(),
             changes: ChangeTally::new(),
             error_px: ErrorReport::default(),
             achieved_tau_px: 0.0,
+            achieved_tile_px: 0.0,
             refined_leaves: 0,
         }
     }
@@ -122,6 +130,7 @@ impl Recorder {
         tally.draw_us.add(i64::from(presented.draw_us));
         tally.triangles = tally.triangles.max(presented.triangles);
         self.achieved_tau_px = self.achieved_tau_px.max(presented.achieved_tau_px);
+        self.achieved_tile_px = self.achieved_tile_px.max(presented.achieved_tile_px);
         self.refined_leaves = self
             .refined_leaves
             .saturating_add(u64::from(presented.refined_leaves));
@@ -160,14 +169,26 @@ impl Recorder {
         }
     }
 
-    /// What a node's tile caches have done since it started, and numbers of tiles it used since the
-    /// last time.
-    pub fn counters(&mut self, node: NodeId, counters: TileCounters, new_tiles: &[u64]) {
+    /// What a node's tile caches have done since it started, and what happened since the last time.
+    pub fn counters(&mut self, node: NodeId, counters: TileCounters, news: &TileNews) {
         if let Some(tally) = self.nodes.get_mut(node) {
             tally.counters = counters;
         }
-        let room = MAX_TILES.saturating_sub(self.tiles.len());
-        self.tiles.extend(new_tiles.iter().take(room));
+        for (known, new) in [
+            (&mut self.loaded, &news.loaded),
+            (&mut self.shown, &news.used),
+        ] {
+            let room = MAX_TILES.saturating_sub(known.len());
+            known.extend(new.iter().take(room));
+        }
+        for Drawable { level, after_us } in &news.drawable {
+            let tally = match level {
+                CacheLevel::Repository => &mut self.drawable_us[0],
+                CacheLevel::Disk => &mut self.drawable_us[1],
+                CacheLevel::Ram => &mut self.drawable_us[2],
+            };
+            tally.add(i64::from(*after_us));
+        }
     }
 
     /// A change of the scene was accepted as this revision; `now_us` is on the master's clock.
@@ -239,6 +260,7 @@ impl Recorder {
         self.series = SeriesTally::new();
         self.changes = ChangeTally::new();
         self.achieved_tau_px = 0.0;
+        self.achieved_tile_px = 0.0;
         self.refined_leaves = 0;
         for node in &mut self.nodes {
             node.draw_us = Tally::new();
@@ -290,6 +312,7 @@ impl Recorder {
             tiles: self.tile_report(),
             error_px: self.error_px.clone(),
             achieved_tau: (self.achieved_tau_px > 0.0).then_some(self.achieved_tau_px),
+            achieved_tile_px: (self.achieved_tile_px > 0.0).then_some(self.achieved_tile_px),
             refined_leaves: self.refined_leaves,
             triangles: Max {
                 max: self
@@ -321,9 +344,20 @@ impl Recorder {
             report.disk_hits += counters.disk_hits;
             report.ram_hits += counters.ram_hits;
             report.corrupt += counters.corrupt;
+            report.repository_bytes += counters.repository_bytes;
+            report.failed += counters.failed;
+            report.early_bytes += counters.early_bytes;
+            report.vain_bytes += counters.vain_bytes;
         }
         // Exact as long as the nodes name all their tiles; never less than one node's own count.
-        report.distinct = report.distinct.max(self.tiles.len() as u64);
+        report.distinct = report.distinct.max(self.loaded.len() as u64);
+        report.shown = self.shown.len() as u64;
+        let [repository, disk, ram] = &self.drawable_us;
+        report.drawable_after_ms = DrawableAfter {
+            repository: repository.quantiles_and_max_times(1e-3),
+            disk: disk.quantiles_and_max_times(1e-3),
+            ram: ram.quantiles_and_max_times(1e-3),
+        };
         report
     }
 

@@ -50,6 +50,16 @@ impl Tally {
         }
     }
 
+    /// The same, each times a factor.
+    pub(super) fn quantiles_and_max_times(&self, factor: f64) -> QuantilesAndMax {
+        let QuantilesAndMax { p50, p99, max } = self.quantiles_and_max();
+        QuantilesAndMax {
+            p50: p50 * factor,
+            p99: p99 * factor,
+            max: max * factor,
+        }
+    }
+
     pub(super) fn quantiles_and_max(&self) -> QuantilesAndMax {
         let max = self
             .0

@@ -138,7 +138,7 @@ fn check_layer(layer: &Layer) -> Result<(), Problem> {
     };
     if !usable {
         let advice = if layer.kind().has_repository() {
-            "write the directory of a repository, made by `terrawall import`"
+            "write the directory or the address (http://, https://, s3://) of a repository, made by `terrawall import`"
         } else {
             "layers of this kind are made from the elevation of the scene; remove it"
         };

@@ -23,6 +23,8 @@ const ROOM_M: f64 = 1000.0;
 const MAX_NAME_BYTES: usize = 64;
 /// Largest cache budget: one exbibyte keeps byte counts within 64 bits.
 const MAX_MIB: u64 = 1 << 40;
+/// Least main memory: the tiles of all layers of a scene at one place are needed at the same time, at most 16 of 1.2 MB.
+const MIN_RAM_MIB: u64 = 64;
 
 impl Wall {
     /// The first problem of the wall.
@@ -68,14 +70,17 @@ impl Wall {
             }
         }
         let budgets = [
-            ("cache.gpu_mib", self.cache.gpu_mib),
-            ("cache.ram_mib", self.cache.ram_mib),
-            ("cache.disk_mib", self.cache.disk_mib),
+            ("cache.gpu_mib", 1, self.cache.gpu_mib),
+            ("cache.ram_mib", MIN_RAM_MIB, self.cache.ram_mib),
+            ("cache.disk_mib", 1, self.cache.disk_mib),
         ];
-        match budgets.iter().find(|(_, mib)| !(1..=MAX_MIB).contains(mib)) {
-            Some((key, _)) => Err(out_of_range(key, "write a number of MiB, at least 1")),
-            None => Ok(()),
+        for (key, least, mib) in budgets {
+            if !(least..=MAX_MIB).contains(&mib) {
+                let advice = format!("write a number of MiB, at least {least}");
+                return Err(out_of_range(key, advice));
+            }
         }
+        Ok(())
     }
 
     fn check_observer(&self, key: &str, observer: &Observer) -> Result<(), Problem> {

@@ -7,7 +7,7 @@ use protocol::message::{MAX_REASON_BYTES, MoveLens, ToMaster};
 #[test]
 fn messages_about_changes_have_these_bytes() {
     let prepared = ToMaster::Prepared { revision: 300 };
-    let golden = [4, 11, 251, 44, 1];
+    let golden = [5, 11, 251, 44, 1];
     assert_eq!(encode_to_master(&prepared).unwrap(), golden);
     assert_eq!(decode_to_master(&golden).unwrap(), prepared);
 
@@ -15,7 +15,7 @@ fn messages_about_changes_have_these_bytes() {
         revision: 5,
         reason: "né".into(),
     };
-    let golden = [4, 12, 5, 3, b'n', 0xC3, 0xA9];
+    let golden = [5, 12, 5, 3, b'n', 0xC3, 0xA9];
     assert_eq!(encode_to_master(&cannot).unwrap(), golden);
     assert_eq!(decode_to_master(&golden).unwrap(), cannot);
 
@@ -26,7 +26,7 @@ fn messages_about_changes_have_these_bytes() {
     });
     // 46.5 = 1.453125 · 2^5 and −0.25 = −1 · 2^−2, as IEEE 754 doubles, little endian.
     let golden = [
-        4, 13, 0, 0, 0, 0, 0, 0x40, 0x47, 0x40, 0, 0, 0, 0, 0, 0, 0xD0, 0xBF, 1,
+        5, 13, 0, 0, 0, 0, 0, 0x40, 0x47, 0x40, 0, 0, 0, 0, 0, 0, 0xD0, 0xBF, 1,
     ];
     assert_eq!(encode_to_master(&moved).unwrap(), golden);
     assert_eq!(decode_to_master(&golden).unwrap(), moved);

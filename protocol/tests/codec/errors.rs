@@ -15,19 +15,19 @@ const MEASURED: ErrorMeasured = ErrorMeasured {
 
 #[test]
 fn messages_about_errors_have_these_bytes() {
-    assert_eq!(encode_to_node(&ToNode::MeasureError).unwrap(), [4, 8]);
-    assert_eq!(decode_to_node(&[4, 8]).unwrap(), ToNode::MeasureError);
+    assert_eq!(encode_to_node(&ToNode::MeasureError).unwrap(), [5, 8]);
+    assert_eq!(decode_to_node(&[5, 8]).unwrap(), ToNode::MeasureError);
 
     // 0.75 = 1.5 · 2^−1 and 2 = 1 · 2^1, as IEEE 754 doubles; 66,049 = 0x010201: all little endian.
     let golden = [
-        4, 14, 0, 0, 0, 0, 0, 0, 0xE8, 0x3F, 252, 1, 2, 1, 0, 2, 0, 0, 0, 0, 0, 0, 0, 0x40,
+        5, 14, 0, 0, 0, 0, 0, 0, 0xE8, 0x3F, 252, 1, 2, 1, 0, 2, 0, 0, 0, 0, 0, 0, 0, 0x40,
     ];
     let measured = ToMaster::ErrorMeasured(MEASURED);
     assert_eq!(encode_to_master(&measured).unwrap(), golden);
     assert_eq!(decode_to_master(&golden).unwrap(), measured);
 
     let cannot = ToMaster::cannot_measure("né");
-    let golden = [4, 15, 3, b'n', 0xC3, 0xA9];
+    let golden = [5, 15, 3, b'n', 0xC3, 0xA9];
     assert_eq!(encode_to_master(&cannot).unwrap(), golden);
     assert_eq!(decode_to_master(&golden).unwrap(), cannot);
 }
@@ -49,6 +49,7 @@ fn errors_that_are_no_distances_are_refused() {
             converged: true,
             refined_leaves: 10,
             achieved_tau_px,
+            achieved_tile_px: achieved_tau_px,
         })
     };
     for good in [0.0, 0.05, f64::MAX] {

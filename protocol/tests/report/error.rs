@@ -37,7 +37,13 @@ fn what_was_not_measured_is_not_invented() {
 
     // Reports from before these keys can be read.
     let mut old = json;
-    for key in ["error_px", "achieved_tau", "refined_leaves", "triangles"] {
+    for key in [
+        "error_px",
+        "achieved_tau",
+        "achieved_tile_px",
+        "refined_leaves",
+        "triangles",
+    ] {
         assert!(old.as_object_mut().unwrap().remove(key).is_some(), "{key}");
     }
     let old: Report = serde_json::from_value(old).unwrap();

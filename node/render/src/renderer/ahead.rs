@@ -133,8 +133,10 @@ impl Renderer {
 
     /// Goes on preparing the next scene for the view drawn last, once after each call of [`Renderer::draw_shown`]: until
     /// this moment, but no longer than the budget allows or, where that is more, a quarter of the time that the last
-    /// picture took. It does at least one step, or a slow machine would never finish.
+    /// picture took. It does at least one step, or a slow machine would never finish. Wishes for the tiles that the
+    /// viewers will want soon are renewed on the way.
     pub fn prepare_ahead(&mut self, until: Instant) -> Result<AheadStatistics, RenderError> {
+        self.look_ahead();
         let Some(view) = self.last.as_ref().map(|last| last.view.clone()) else {
             return Ok(AheadStatistics::default());
         };

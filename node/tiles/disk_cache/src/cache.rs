@@ -191,6 +191,12 @@ impl DiskCache {
         }
     }
 
+    /// Whether there is a file of this name, good or not. Nothing of it is read.
+    #[must_use]
+    pub fn holds(&self, name: &Name) -> bool {
+        self.path(name).is_file()
+    }
+
     /// The file, if it is there and good; no lease is asked for.
     #[must_use]
     pub fn look(&self, name: &Name) -> Option<Stored> {

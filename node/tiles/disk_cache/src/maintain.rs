@@ -103,15 +103,15 @@ impl DiskCache {
         Ok(statistics)
     }
 
-    /// Reads and checks every file; removes what is broken if `remove_bad`. `progress` is told the files and bytes
-    /// that were read so far, and how many there are.
+    /// Reads and checks every file; removes what is broken if `remove_bad`. `go_on` is told the files and bytes that
+    /// were read so far, and how many there are; where it says no, what was found so far is all.
     ///
     /// # Errors
     /// [`MaintenanceError`] where the directory cannot be read.
     pub fn verify(
         root: &Path,
         remove_bad: bool,
-        mut progress: impl FnMut(Files, Files),
+        mut go_on: impl FnMut(Files, Files) -> bool,
     ) -> Result<Verification, MaintenanceError> {
         let tree = walk(root)?;
         let all = Files {
@@ -143,7 +143,9 @@ impl DiskCache {
             }
             done.files += 1;
             done.bytes = done.bytes.saturating_add(entry.bytes);
-            progress(done, all);
+            if !go_on(done, all) {
+                break;
+            }
         }
         Ok(verification)
     }

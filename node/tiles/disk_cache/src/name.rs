@@ -105,7 +105,8 @@ impl Name {
     }
 
     /// The file's path below the root of the cache.
-    pub(crate) fn file(&self) -> PathBuf {
+    #[must_use]
+    pub fn file(&self) -> PathBuf {
         PathBuf::from(format!("{}.{SUFFIX}", self.whole))
     }
 
