@@ -3,6 +3,7 @@
 //! In: the arguments of the process. Out: [`Args`]. It must not read files or check what needs a file:
 //! commands do.
 
+mod cache;
 mod control;
 mod import;
 mod refine;
@@ -15,6 +16,7 @@ use std::path::PathBuf;
 
 use clap::{Args as ArgumentGroup, Parser, Subcommand};
 
+pub(crate) use cache::{Cache, CachePlaces, ClearCache, StatCache, VerifyCache, WarmCache};
 pub(crate) use control::{Adjust, Control, RunningMaster, Set, ShowPattern};
 pub(crate) use import::{ByteOrder, DataKind, Import, Planet, RawType, Registration};
 pub(crate) use refine::{BenchRefine, RefineMethod};
@@ -63,6 +65,10 @@ pub(crate) enum Command {
     Inspect(Inspect),
     /// Serves a repository, or a directory of them, over HTTP to the nodes of walls
     Serve(Serve),
+    /// Looks through the disk cache that the nodes of walls share: what is in it, whether it is whole; empties or
+    /// fills it
+    #[command(subcommand)]
+    Cache(Cache),
     /// Measures this build on this machine
     #[command(subcommand)]
     Bench(Bench),
@@ -232,6 +238,8 @@ pub(crate) enum Bench {
     Refine(BenchRefine),
     /// CPU time and bytes of imports, beside gdal2tiles where GDAL is installed
     Import(BenchImport),
+    /// Reads of the repository by nodes that share one disk cache, and times from wanted to drawable
+    Cache(BenchCache),
     /// All of the above, with plots
     All(BenchAll),
 }
@@ -313,6 +321,26 @@ pub(crate) struct BenchImport {
     /// Directory with etopo5.tif and bmng.jpg
     #[arg(long, value_name = "DIR", default_value = "tests/data")]
     pub(crate) sources: PathBuf,
+    /// Write the figures as JSON
+    #[arg(long, value_name = "FILE")]
+    pub(crate) report: Option<PathBuf>,
+    /// Print JSON instead of a table
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+/// `terrawall bench cache`
+#[derive(Debug, ArgumentGroup)]
+pub(crate) struct BenchCache {
+    /// Directory with the repositories elevation/ and imagery/, as `make data` leaves them
+    #[arg(long, value_name = "DIR", default_value = "out/data")]
+    pub(crate) data: PathBuf,
+    /// Node processes
+    #[arg(long, value_name = "N", default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..=64))]
+    pub(crate) nodes: u32,
+    /// Frames per second; the path takes a minute at any
+    #[arg(long, value_name = "F", default_value = "10", value_parser = frames_per_second)]
+    pub(crate) fps: f64,
     /// Write the figures as JSON
     #[arg(long, value_name = "FILE")]
     pub(crate) report: Option<PathBuf>,

@@ -2,11 +2,13 @@
 
 mod adjust;
 mod bench;
+mod bench_cache;
 mod bench_frame;
 mod bench_import;
 mod bench_process;
 mod bench_refine;
 mod bench_starts;
+mod cache;
 mod check;
 mod client;
 mod control;
@@ -43,6 +45,7 @@ pub(crate) fn run(command: Command) -> Result<(), Failure> {
         Command::Verify(args) => verify::run(&args),
         Command::Inspect(args) => inspect::run(&args),
         Command::Serve(args) => serve::run(&args),
+        Command::Cache(args) => cache::run(args),
         Command::Bench(args) => bench::run(args),
         Command::Identity(args) => identity::run(args),
     }

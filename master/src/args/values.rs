@@ -181,3 +181,11 @@ pub(super) fn seconds(text: &str) -> Result<f64, String> {
         .filter(|seconds| (0.1..=86_400.0).contains(seconds))
         .ok_or_else(|| "write seconds, from 0.1 to 86400".to_owned())
 }
+
+/// The same where nought is something to ask for.
+pub(super) fn seconds_or_none(text: &str) -> Result<f64, String> {
+    text.parse()
+        .ok()
+        .filter(|seconds| (0.0..=86_400.0).contains(seconds))
+        .ok_or_else(|| "write seconds, from 0 to 86400".to_owned())
+}

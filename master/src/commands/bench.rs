@@ -14,7 +14,8 @@ use crate::output;
 use crate::plot::{Plot, Series};
 
 use super::{
-    bench_frame, bench_import, bench_process, bench_refine, bench_starts, files, local, synthetic,
+    bench_cache, bench_frame, bench_import, bench_process, bench_refine, bench_starts, files,
+    local, synthetic,
 };
 
 /// Runs a bench.
@@ -26,6 +27,7 @@ pub(crate) fn run(bench: Bench) -> Result<(), Failure> {
         Bench::Process(args) => bench_process::run(&args),
         Bench::Refine(args) => bench_refine::run(args),
         Bench::Import(args) => bench_import::run(&args),
+        Bench::Cache(args) => bench_cache::run(&args),
         Bench::All(args) => all(&args),
     }
 }
@@ -178,6 +180,11 @@ fn all(args: &BenchAll) -> Result<(), Failure> {
     let imports = bench_import::measure(Path::new("tests/data"))?;
     output::json_file(&out.join("import.json"), &imports)?;
     bench_import::print(&imports)?;
+
+    output::line("\nOne cache for a cluster")?;
+    let cache = bench_cache::measure(Path::new("out/data"), 8, 10.0)?;
+    output::json_file(&out.join("cache.json"), &cache)?;
+    bench_cache::print(&cache)?;
 
     output::line(format!("\nReports and plots are in {}", out.display()))
 }
