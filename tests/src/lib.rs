@@ -11,6 +11,7 @@
 
 pub mod command;
 pub mod data;
+pub mod flights;
 pub mod flip;
 pub mod pictures;
 pub mod rough;
