@@ -146,7 +146,11 @@ fn http(scheme: &str, text: &str) -> Result<Place, AddressError> {
     if url.query().is_some() || url.fragment().is_some() {
         return Err(AddressError::Query { scheme });
     }
-    if let Ok(mut segments) = url.path_segments_mut() {
+    // One place has one address, however many slashes end it.
+    while url.path().len() > 1 && url.path().ends_with('/') {
+        let Ok(mut segments) = url.path_segments_mut() else {
+            break;
+        };
         segments.pop_if_empty();
     }
     Ok(Place::Http(url))
@@ -256,6 +260,8 @@ mod tests {
     fn equal_places_are_equal() {
         let address = |text: &str| text.parse::<Address>().unwrap();
         assert_eq!(address("http://h/x/"), address("HTTP://H:80/x"));
+        assert_eq!(address("http://h/x///"), address("http://h/x"));
+        assert_eq!(address("http://h///"), address("http://h"));
         assert_eq!(address("s3://bucket/a"), address("s3://bucket//a/"));
         assert_eq!(
             address("data").relative_to(Path::new("/base")),
