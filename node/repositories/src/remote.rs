@@ -390,4 +390,8 @@ impl Source for RemoteSource {
             }),
         }
     }
+
+    fn is_away(&self) -> bool {
+        !self.remote.breaker.lock().is_closed()
+    }
 }

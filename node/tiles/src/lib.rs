@@ -11,6 +11,7 @@ mod index;
 mod inspect;
 mod loader;
 mod measure;
+mod opener;
 mod publish;
 mod ram;
 mod repository;
@@ -27,11 +28,9 @@ pub use inspect::{
     BrokenTile, InspectError, LevelSummary, Summary, TileSummary, ValueAt, inspect_repository,
     inspect_tile, value_at,
 };
-pub use loader::{
-    CacheConfig, CacheError, Counters, Directories, Lookup, OpenDataset, Opener, ReadError,
-    TileCache, Wish, Wishes,
-};
+pub use loader::{CacheConfig, CacheError, Counters, Lookup, TileCache, Wish, Wishes};
 pub use measure::{DiskRate, count_on_disk, measure_disk};
+pub use opener::{Directories, OpenDataset, Opener, ReadError};
 pub use publish::PublishError;
 pub use ram::Level;
 pub use repository::{Repository, RepositoryError, Source, SourceError};

@@ -8,6 +8,7 @@
 mod ahead;
 mod gate;
 mod queue;
+mod wishes;
 mod work;
 
 use std::collections::HashMap;
@@ -22,15 +23,16 @@ use parking_lot::{Condvar, Mutex, RwLock};
 use serde::Serialize;
 use thiserror::Error;
 
-use crate::dataset::{Dataset, DatasetId};
-use crate::format::{DecodeError, TileData};
-use crate::index::Index;
+use crate::dataset::DatasetId;
+use crate::format::TileData;
+use crate::opener::{Directories, OpenDataset, Opener};
 use crate::ram::{Level, RamCache};
-use crate::repository::{Repository, RepositoryError, Source, SourceError};
 use ahead::Ahead;
 use disk_cache::DiskCache;
 use gate::Gate;
 use queue::Queue;
+
+pub use wishes::Wishes;
 
 /// How much a cache may use.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -58,50 +60,6 @@ pub enum CacheError {
     /// The system gives no threads.
     #[error("cannot start a loader thread: {0}")]
     Threads(std::io::Error),
-}
-
-/// Why a tile could not be read beside the cache.
-#[derive(Debug, Error)]
-pub enum ReadError {
-    /// Its bytes could not be had.
-    #[error(transparent)]
-    Source(#[from] SourceError),
-    /// Its bytes are no such tile.
-    #[error("tile {tile}: {source}")]
-    Decode {
-        /// The tile.
-        tile: Tile,
-        /// What is wrong with it.
-        source: DecodeError,
-    },
-}
-
-/// Opens repositories, wherever they are: directories here, addresses elsewhere.
-pub trait Opener: Send + Sync {
-    /// Opens the repository at a place as scenes name it, and reads its index. May block.
-    fn open(&self, place: &Path) -> Result<OpenDataset, Box<dyn std::error::Error + Send + Sync>>;
-
-    /// Opens a repository that was opened before if it may have changed since; `None` if it has not, or if nobody can
-    /// tell at present. May block.
-    fn reopen(
-        &self,
-        place: &Path,
-    ) -> Result<Option<OpenDataset>, Box<dyn std::error::Error + Send + Sync>> {
-        self.open(place).map(Some)
-    }
-}
-
-/// Opens directories.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Directories;
-
-/// A data set that tiles can be loaded from.
-pub struct OpenDataset {
-    /// Its description.
-    pub dataset: Dataset,
-    /// Which tiles it has.
-    pub index: Index,
-    source: Box<dyn Source>,
 }
 
 /// Where a tile is.
@@ -153,12 +111,6 @@ pub struct TileCache {
     workers: Vec<JoinHandle<()>>,
 }
 
-/// One caller's wish list; others' lists stay untouched. Dropping it withdraws the wishes.
-pub struct Wishes {
-    shared: Arc<Shared>,
-    caller: u64,
-}
-
 /// A wish: the larger the priority, the sooner; NaN comes last.
 pub type Wish = (DatasetId, Tile, f32);
 
@@ -169,6 +121,8 @@ struct Shared {
     places: Mutex<HashMap<PathBuf, Arc<OpenDataset>>>,
     disk: Option<DiskCache>,
     decoding: Gate,
+    /// So many tiles may be loaded at a time because they may be wanted soon: what is wanted now must not wait for them.
+    most_ahead: usize,
     state: Mutex<State>,
     /// Workers wait here for work, and for the time to try again.
     work: Condvar,
@@ -185,6 +139,8 @@ struct State {
     ahead: Ahead,
     /// Numbers of tiles that came for the first time, until they are told.
     loaded: Vec<u64>,
+    /// No wishes are taken any more.
+    is_finished: bool,
     stopping: bool,
 }
 
@@ -196,47 +152,6 @@ struct Tally {
     disk_hits: AtomicU64,
     ram_hits: AtomicU64,
     corrupt: AtomicU64,
-}
-
-impl OpenDataset {
-    /// A data set of which tiles come from `source`.
-    #[must_use]
-    pub fn new(dataset: Dataset, index: Index, source: Box<dyn Source>) -> Self {
-        Self {
-            dataset,
-            index,
-            source,
-        }
-    }
-
-    /// Reads one tile past the cache, while the caller waits: for figures of the data set that must be known
-    /// before anything is shown. `None` where there is no such tile.
-    pub fn read_now(&self, tile: Tile) -> Result<Option<TileData>, ReadError> {
-        let Some(bytes) = self.source.fetch(tile)? else {
-            return Ok(None);
-        };
-        let decoded = TileData::decode_tile(&bytes, tile);
-        decoded
-            .map(Some)
-            .map_err(|source| ReadError::Decode { tile, source })
-    }
-
-    /// Opens the repository in a directory and reads its index.
-    pub fn of_repository(path: &Path) -> Result<Self, RepositoryError> {
-        let repository = Repository::open(path)?;
-        let index = repository.load_index()?;
-        Ok(Self::new(
-            repository.dataset().clone(),
-            index,
-            Box::new(repository),
-        ))
-    }
-}
-
-impl Opener for Directories {
-    fn open(&self, place: &Path) -> Result<OpenDataset, Box<dyn std::error::Error + Send + Sync>> {
-        Ok(OpenDataset::of_repository(place)?)
-    }
 }
 
 impl TileCache {
@@ -262,11 +177,13 @@ impl TileCache {
             places: Mutex::default(),
             disk,
             decoding: Gate::new(config.decoders),
+            most_ahead: (config.requests / 4).max(1),
             state: Mutex::new(State {
                 ram,
                 queue: Queue::default(),
                 ahead: Ahead::default(),
                 loaded: Vec::new(),
+                is_finished: false,
                 stopping: false,
             }),
             work: Condvar::new(),
@@ -323,6 +240,7 @@ impl TileCache {
         state.ram.expect(tile_bytes as u64);
         if known.is_some_and(|known| known.dataset.revision != revision) {
             state.ram.purge(id);
+            state.ahead.forget(id);
             state.queue.forget(id);
         }
         id
@@ -456,6 +374,27 @@ impl TileCache {
         self.generation()
     }
 
+    /// Withdraws all wishes for good, and waits until nothing is being loaded, at most for `timeout`: figures change no more
+    /// then. False where something still is.
+    #[must_use]
+    pub fn finish(&self, timeout: Duration) -> bool {
+        let deadline = Instant::now() + timeout;
+        let mut state = self.shared.state.lock();
+        state.is_finished = true;
+        state.queue.withdraw();
+        while state.queue.in_flight() > 0 {
+            if self
+                .shared
+                .news
+                .wait_until(&mut state, deadline)
+                .timed_out()
+            {
+                break;
+            }
+        }
+        state.queue.in_flight() == 0
+    }
+
     /// Waits until everything wished for has arrived or failed; false where `timeout` passed first.
     #[must_use]
     pub fn wait_idle(&self, timeout: Duration) -> bool {
@@ -483,51 +422,5 @@ impl Drop for TileCache {
             // A worker that panicked has nothing left to tell.
             let _ = worker.join();
         }
-    }
-}
-
-impl Wishes {
-    fn new(shared: &Arc<Shared>) -> Self {
-        let caller = shared.callers.fetch_add(1, Ordering::Relaxed);
-        Self {
-            shared: Arc::clone(shared),
-            caller,
-        }
-    }
-
-    /// Replaces this list. Tiles that do not exist are passed over.
-    pub fn request(&self, wants: &[Wish]) {
-        self.replace(wants, false);
-    }
-
-    /// Replaces the list of what this caller may want soon, as [`TileCache::request_ahead`].
-    pub fn request_ahead(&self, wants: &[Wish]) {
-        self.replace(wants, true);
-    }
-
-    fn replace(&self, wants: &[Wish], soon: bool) {
-        let datasets = self.shared.datasets.read();
-        let exists = |wish: &&Wish| {
-            datasets
-                .get(&wish.0)
-                .is_some_and(|d| d.index.contains(wish.1))
-        };
-        let wants = wants
-            .iter()
-            .filter(exists)
-            .map(|(id, tile, priority)| ((*id, *tile), *priority));
-        let mut state = self.shared.state.lock();
-        let State { ram, queue, .. } = &mut *state;
-        queue.replace((self.caller, soon), wants, |key| ram.contains(key));
-        ram.demote(|key| queue.is_wished(key));
-        self.shared.work.notify_all();
-        self.shared.news.notify_all();
-    }
-}
-
-impl Drop for Wishes {
-    fn drop(&mut self) {
-        self.request(&[]);
-        self.request_ahead(&[]);
     }
 }

@@ -26,6 +26,11 @@ const BLOCK_BITS: u32 = 12;
 pub trait Source: Send + Sync {
     /// The bytes of a tile file; `None` where the tile does not exist. May block.
     fn fetch(&self, tile: Tile) -> Result<Option<Vec<u8>>, SourceError>;
+
+    /// Whether a fetch would fail at once since nothing can be reached. Never blocks.
+    fn is_away(&self) -> bool {
+        false
+    }
 }
 
 /// Why a tile could not be fetched. Worth trying again.

@@ -422,6 +422,46 @@ fn a_missing_file_is_a_failure_with_a_reason() {
 }
 
 #[test]
+fn what_comes_between_a_look_and_a_wish_is_news() {
+    let (cache, id, probe) = probed(&config(4), 0);
+    for away in [false, true] {
+        let tile = Tile::ROOTS[usize::from(away)];
+        probe.away.store(away, Ordering::SeqCst);
+        probe.open(false);
+        cache.request_ahead(&wishes(id, &[tile]));
+        probe.wait_reads(1 + usize::from(away));
+        // A picture is being made: it notes the generation, and looks in vain.
+        let seen = cache.generation();
+        assert!(matches!(cache.get(id, tile), Lookup::Pending));
+        probe.open(true);
+        let start = Instant::now();
+        while matches!(cache.get(id, tile), Lookup::Pending) {
+            assert!(start.elapsed() < SOON);
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        // Only then it wishes, and waits for news.
+        cache.request(&wishes(id, &[tile]));
+        assert!(cache.wait_news(seen, Duration::ZERO) > seen);
+    }
+}
+
+#[test]
+fn a_finished_cache_loads_no_more_and_its_figures_stand() {
+    let (cache, id, probe) = probed(&config(2), 0);
+    probe.open(false);
+    cache.request(&wishes(id, &Tile::ROOTS));
+    probe.wait_reads(2);
+    assert!(!cache.finish(Duration::from_millis(20)));
+    probe.open(true);
+    assert!(cache.finish(SOON));
+    let figures = cache.counters();
+    assert_eq!((figures.repository_reads, figures.distinct), (2, 2));
+    cache.request(&wishes(id, &Tile::ROOTS));
+    assert!(cache.wait_idle(SOON));
+    assert_eq!(cache.counters().repository_reads, 2);
+}
+
+#[test]
 fn arrivals_wake_who_waits_and_a_drop_ends_the_threads() {
     let (cache, id, probe) = probed(&config(2), 0);
     let seen = cache.generation();

@@ -5,6 +5,7 @@
 
 use std::collections::HashMap;
 
+use crate::dataset::DatasetId;
 use crate::ram::Key;
 
 /// So many bytes may be in vain before anything was loaded on demand: a few dozen tiles.
@@ -35,6 +36,8 @@ impl Ahead {
     pub(super) fn arrived(&mut self, key: Key, bytes: u64, early: bool) {
         if !early {
             self.demanded_bytes += bytes;
+            // Had it come early, it was lost before anybody took it: that was in vain.
+            self.waiting.remove(&key);
             return;
         }
         self.early_bytes += bytes;
@@ -43,6 +46,11 @@ impl Ahead {
             self.waiting.clear();
         }
         self.waiting.insert(key, bytes);
+    }
+
+    /// A data set has changed: what came early of it was in vain.
+    pub(super) fn forget(&mut self, dataset: DatasetId) {
+        self.waiting.retain(|key, _| key.0 != dataset);
     }
 
     /// A tile was taken.
@@ -61,9 +69,25 @@ impl Ahead {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dataset::DatasetId;
     use geodesy::Tile;
     use proptest::prelude::*;
+
+    #[test]
+    fn what_is_lost_before_it_is_taken_was_in_vain() {
+        let ids: Vec<_> = (0..3).map(|_| DatasetId::random()).collect();
+        let key = |n: usize| (ids[n], Tile::ROOTS[0]);
+        let mut ahead = Ahead::default();
+        for n in 0..3 {
+            ahead.arrived(key(n), 10, true);
+        }
+        // Evicted, and loaded again because somebody wants it.
+        ahead.arrived(key(0), 10, false);
+        ahead.taken(&key(0));
+        ahead.forget(key(1).0);
+        ahead.taken(&key(1));
+        ahead.taken(&key(2));
+        assert_eq!(ahead.bytes(), (30, 20));
+    }
 
     proptest! {
         #[test]

@@ -2,7 +2,7 @@
 //! In: wishes, outcomes, the time. Out: the next tile to load, or how long to wait. Tiles that may be wanted soon
 //! come after all that are wanted now. No I/O, no clock, no threads.
 
-use std::cmp::Ordering;
+use std::cmp::{Ordering, Reverse};
 use std::collections::{BinaryHeap, HashMap, HashSet};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -25,6 +25,8 @@ pub(super) struct Queue {
     lists: HashMap<u64, Lists>,
     wished: HashSet<Key>,
     heap: BinaryHeap<Candidate>,
+    /// Those that came up and are not to be tried yet, by the moment from which on they are.
+    resting: BinaryHeap<Reverse<Resting>>,
     /// Tiles that are being loaded, and whether only because they may be wanted soon.
     in_flight: HashMap<Key, bool>,
     rests: HashMap<Key, Rest>,
@@ -63,6 +65,12 @@ struct Candidate {
     /// It may be wanted soon, and is not wanted now.
     soon: bool,
     priority: f32,
+}
+
+#[derive(PartialEq, Eq, PartialOrd, Ord)]
+struct Resting {
+    again_at: Instant,
+    candidate: Candidate,
 }
 
 /// What a worker is to do.
@@ -113,6 +121,7 @@ impl Queue {
             .chain(candidates(soon, true))
             .filter(|wanted| !held(&wanted.key) && !self.in_flight.contains_key(&wanted.key))
             .collect();
+        self.resting.clear();
     }
 
     /// Whether any list holds the tile.
@@ -132,30 +141,31 @@ impl Queue {
 
     /// The tile to load next, which is then in flight. `may_look_ahead`: whether it may be one that nobody wants yet.
     pub(super) fn next(&mut self, may_look_ahead: bool, now: Instant) -> Next {
-        let mut kept = Vec::new();
-        let mut next = None;
-        while let Some(candidate) = self.heap.pop() {
-            let rests = |key| self.rests.get(key).is_some_and(|rest| rest.again_at > now);
-            if candidate.soon && !may_look_ahead {
-                kept.push(candidate);
-                // All that follow are of this sort.
+        while let Some(Reverse(first)) = self.resting.pop() {
+            if first.again_at > now {
+                self.resting.push(Reverse(first));
                 break;
             }
-            if rests(&candidate.key) {
-                kept.push(candidate);
-            } else {
-                self.in_flight.insert(candidate.key, candidate.soon);
-                next = Some(candidate.key);
+            self.heap.push(first.candidate);
+        }
+        while let Some(candidate) = self.heap.pop() {
+            if candidate.soon && !may_look_ahead {
+                // All that follow are of this sort.
+                self.heap.push(candidate);
                 break;
+            }
+            match self.rests.get(&candidate.key) {
+                Some(rest) if rest.again_at > now => self.resting.push(Reverse(Resting {
+                    again_at: rest.again_at,
+                    candidate,
+                })),
+                _ => {
+                    self.in_flight.insert(candidate.key, candidate.soon);
+                    return Next::Load(candidate.key);
+                }
             }
         }
-        let times = kept
-            .iter()
-            .filter(|candidate| !candidate.soon || may_look_ahead)
-            .filter_map(|candidate| Some(self.rests.get(&candidate.key)?.again_at));
-        let earliest = times.min();
-        self.heap.extend(kept);
-        next.map_or(Next::Wait(earliest), Next::Load)
+        Next::Wait(self.resting.peek().map(|Reverse(first)| first.again_at))
     }
 
     /// A tile arrived: whether for the first time ever, and whether it was only loaded because it may be wanted soon.
@@ -167,15 +177,23 @@ impl Queue {
 
     /// A tile could not be loaded. Tells how often it failed, in a row.
     pub(super) fn set_back(&mut self, key: Key, setback: Setback, now: Instant) -> u32 {
-        let soon = self.in_flight.remove(&key) == Some(true);
+        self.in_flight.remove(&key);
         let rest = self.rests.get(&key);
-        let (before, was_away) = rest.map_or((0, false), |rest| (rest.attempts, rest.away));
+        let before = rest.map_or(0, |rest| rest.attempts);
+        let was_away = rest
+            .filter(|rest| rest.away)
+            .map(|rest| Arc::clone(&rest.reason));
         let next = before.saturating_add(1);
         let short = FIRST_PAUSE * 4_u32.pow(before.min(ATTEMPTS));
         let (attempts, away, pause, reason) = match setback {
             Setback::Elsewhere(pause) => {
-                let reason = "another process loads it".into();
-                (before, was_away, pause, reason)
+                let reason = || "another process loads it".into();
+                (
+                    before,
+                    was_away.is_some(),
+                    pause,
+                    was_away.unwrap_or_else(reason),
+                )
             }
             Setback::Unreachable(reason) => (before, true, UNREACHABLE_PAUSE, reason),
             Setback::Failed(reason) if next < ATTEMPTS => (next, false, short, reason),
@@ -190,7 +208,13 @@ impl Queue {
                 reason,
             },
         );
-        let soon = soon && !self.wished.contains(&key);
+        self.wait_again(key);
+        attempts
+    }
+
+    /// Puts a tile that was in flight back among those that wait, if anybody still wants it, now or soon.
+    fn wait_again(&mut self, key: Key) {
+        let soon = !self.wished.contains(&key);
         let wants = self.lists.values().flat_map(|lists| match soon {
             true => &lists.soon,
             false => &lists.now,
@@ -202,19 +226,20 @@ impl Queue {
                 soon,
                 priority,
             }));
-        attempts
     }
 
     /// A tile came back, but of data that are no longer current: it is to be loaded again.
     pub(super) fn outdated(&mut self, key: Key) {
         self.in_flight.remove(&key);
-        if self.wished.contains(&key) {
-            self.heap.push(Candidate {
-                key,
-                soon: false,
-                priority: f32::INFINITY,
-            });
-        }
+        self.wait_again(key);
+    }
+
+    /// Forgets all wishes.
+    pub(super) fn withdraw(&mut self) {
+        self.lists.clear();
+        self.wished.clear();
+        self.heap.clear();
+        self.resting.clear();
     }
 
     /// Why a tile is given up for the time being.
@@ -238,12 +263,16 @@ impl Queue {
     /// Forgets the failures of a data set that was changed.
     pub(super) fn forget(&mut self, dataset: DatasetId) {
         self.rests.retain(|key, _| key.0 != dataset);
+        let resting = self.resting.drain();
+        self.heap.extend(resting.map(|Reverse(all)| all.candidate));
     }
 
     /// True where nothing is in flight and all that is wanted now and waits has been given up.
     pub(super) fn is_idle(&self) -> bool {
         let given_up = |candidate: &Candidate| self.failure(&candidate.key).is_some();
-        self.in_flight.is_empty() && self.heap.iter().all(|other| other.soon || given_up(other))
+        let resting = self.resting.iter().map(|Reverse(all)| &all.candidate);
+        let mut waiting = self.heap.iter().chain(resting);
+        self.in_flight.is_empty() && waiting.all(|other| other.soon || given_up(other))
     }
 }
 
@@ -295,172 +324,4 @@ impl Ord for Candidate {
 }
 
 #[cfg(test)]
-mod tests {
-    #![allow(clippy::unwrap_used, reason = "a test that panics has failed")]
-    use super::*;
-    use geodesy::Tile;
-    use proptest::prelude::*;
-
-    fn key(n: u32) -> Key {
-        static ID: std::sync::OnceLock<DatasetId> = std::sync::OnceLock::new();
-        (
-            *ID.get_or_init(DatasetId::random),
-            Tile::new(1, 9, n, 0).unwrap(),
-        )
-    }
-
-    fn wish(queue: &mut Queue, caller: u64, wants: &[(u32, f32)]) {
-        queue.replace(
-            (caller, false),
-            wants.iter().map(|(n, priority)| (key(*n), *priority)),
-            |_| false,
-        );
-    }
-
-    #[test]
-    fn by_priority_each_once_and_cancelled_when_no_longer_wished() {
-        let (mut queue, now) = (Queue::default(), Instant::now());
-        wish(
-            &mut queue,
-            0,
-            &[(1, 1.0), (2, 3.0), (3, 2.0), (4, f32::NAN), (2, 0.5)],
-        );
-        assert_eq!(queue.next(true, now), Next::Load(key(2)));
-        assert_eq!(queue.next(true, now), Next::Load(key(3)));
-        wish(&mut queue, 0, &[(2, 9.0), (4, f32::NAN), (5, 0.0)]);
-        wish(&mut queue, 1, &[(4, 7.0)]);
-        // 2 is in flight, 1 is cancelled, and 4 counts as the second caller wants it.
-        assert_eq!(queue.next(true, now), Next::Load(key(4)));
-        assert_eq!(queue.next(true, now), Next::Load(key(5)));
-        assert_eq!(queue.next(true, now), Next::Wait(None));
-        assert!(!queue.is_idle());
-        for n in 2..=5 {
-            queue.done(key(n));
-        }
-        assert!(queue.is_idle());
-    }
-
-    #[test]
-    fn patience_grows_then_gives_up_then_tries_rarely() {
-        let (mut queue, mut now) = (Queue::default(), Instant::now());
-        wish(&mut queue, 0, &[(1, 1.0)]);
-        for attempt in 1..=ATTEMPTS {
-            assert_eq!(queue.next(true, now), Next::Load(key(1)));
-            assert!(queue.failure(&key(1)).is_none());
-            let setback = Setback::Failed("why".into());
-            assert_eq!(queue.set_back(key(1), setback, now), attempt);
-            let Next::Wait(Some(again)) = queue.next(true, now) else {
-                panic!("it must rest")
-            };
-            let pause = if attempt < ATTEMPTS {
-                FIRST_PAUSE * 4_u32.pow(attempt - 1)
-            } else {
-                LONG_PAUSE
-            };
-            assert_eq!(again, now + pause);
-            now = again;
-        }
-        assert_eq!(&*queue.failure(&key(1)).unwrap(), "why");
-        assert!(queue.is_idle() && queue.failures() == 1);
-        assert_eq!(queue.next(true, now), Next::Load(key(1)));
-        assert!(queue.done(key(1)).0 && !queue.done(key(1)).0);
-        assert_eq!(queue.failures(), 0);
-    }
-
-    #[test]
-    fn a_resting_tile_does_not_hold_others_up() {
-        let (mut queue, now) = (Queue::default(), Instant::now());
-        wish(&mut queue, 0, &[(1, 9.0)]);
-        assert_eq!(queue.next(true, now), Next::Load(key(1)));
-        queue.set_back(key(1), Setback::Failed("why".into()), now);
-        wish(&mut queue, 0, &[(1, 9.0), (2, 1.0)]);
-        assert_eq!(queue.next(true, now), Next::Load(key(2)));
-        assert!(matches!(queue.next(true, now), Next::Wait(Some(_))));
-    }
-
-    #[test]
-    fn what_may_be_wanted_soon_comes_last_and_only_if_there_is_room() {
-        let (mut queue, now) = (Queue::default(), Instant::now());
-        wish(&mut queue, 0, &[(1, 0.0), (2, 1.0)]);
-        let soon = [(key(2), 9.0), (key(3), 8.0), (key(4), 9.0)];
-        queue.replace((0, true), soon.into_iter(), |_| false);
-        for due in [2, 1] {
-            assert_eq!(queue.next(false, now), Next::Load(key(due)));
-        }
-        assert_eq!(queue.next(false, now), Next::Wait(None));
-        assert_eq!(queue.next(true, now), Next::Load(key(4)));
-        assert_eq!((queue.in_flight(), queue.in_flight_soon()), (3, 1));
-        assert!(!queue.is_wished(&key(4)));
-        assert_eq!(
-            (queue.done(key(4)), queue.done(key(2))),
-            ((true, true), (true, false))
-        );
-        queue.done(key(1));
-        // Tile 3 is wished for by nobody yet: nothing is missing.
-        assert!(queue.is_idle());
-        wish(&mut queue, 0, &[(3, 0.0)]);
-        assert!(!queue.is_idle());
-        assert_eq!(queue.next(false, now), Next::Load(key(3)));
-    }
-
-    #[test]
-    fn others_work_is_waited_for_without_being_held_against_a_tile() {
-        let (mut queue, mut now) = (Queue::default(), Instant::now());
-        wish(&mut queue, 0, &[(1, 1.0)]);
-        for _ in 0..3 * ATTEMPTS {
-            assert_eq!(queue.next(false, now), Next::Load(key(1)));
-            let pause = Duration::from_millis(20);
-            assert_eq!(queue.set_back(key(1), Setback::Elsewhere(pause), now), 0);
-            assert_eq!(queue.next(false, now), Next::Wait(Some(now + pause)));
-            assert!(queue.failure(&key(1)).is_none() && !queue.is_idle());
-            now += pause;
-        }
-        // A repository that is away is asked again soon, however often it was not there, and its tiles stay due.
-        assert!(queue.away(&key(1)).is_none());
-        for _ in 0..3 * ATTEMPTS {
-            assert_eq!(queue.next(false, now), Next::Load(key(1)));
-            let setback = Setback::Unreachable("gone".into());
-            assert_eq!(queue.set_back(key(1), setback, now), 0);
-            let Next::Wait(Some(again)) = queue.next(false, now) else {
-                panic!("it must rest")
-            };
-            assert!(again <= now + UNREACHABLE_PAUSE);
-            assert!(queue.failure(&key(1)).is_none() && !queue.is_idle());
-            assert_eq!(&*queue.away(&key(1)).unwrap(), "gone");
-            now = again;
-        }
-        // Once it answers, its tiles are like any other.
-        assert_eq!(queue.next(false, now), Next::Load(key(1)));
-        assert_eq!(
-            queue.set_back(key(1), Setback::Failed("why".into()), now),
-            1
-        );
-        assert!(queue.away(&key(1)).is_none());
-    }
-
-    proptest! {
-        #[test]
-        fn nothing_is_lost_or_loaded_twice(lists in prop::collection::vec(prop::collection::vec((0_u32..20, 0.0_f32..9.0), 0..10), 1..20)) {
-            let (mut queue, now) = (Queue::default(), Instant::now());
-            let mut flying: Vec<Key> = Vec::new();
-            for (round, list) in lists.iter().enumerate() {
-                wish(&mut queue, (round % 3) as u64, list);
-                if let Next::Load(next) = queue.next(true, now) {
-                    prop_assert!(queue.is_wished(&next) && !flying.contains(&next));
-                    flying.push(next);
-                }
-                if round % 4 == 3 && let Some(key) = flying.pop() {
-                    queue.done(key);
-                }
-            }
-            while let Next::Load(next) = queue.next(true, now) {
-                prop_assert!(!flying.contains(&next));
-                flying.push(next);
-            }
-            for key in flying {
-                queue.done(key);
-            }
-            prop_assert!(queue.is_idle());
-        }
-    }
-}
+mod tests;

@@ -7,10 +7,11 @@ use std::time::Instant;
 
 use disk_cache::{Claim, DiskCache, Lease, Name, NameError};
 
+use super::Shared;
 use super::queue::{ATTEMPTS, Next, Setback};
-use super::{OpenDataset, Shared};
 use crate::dataset::Dataset;
 use crate::format::TileData;
+use crate::opener::OpenDataset;
 use crate::ram::{Key, Level};
 use crate::repository::relative_path;
 use crate::upkeep::group_of;
@@ -63,7 +64,8 @@ impl Shared {
                 continue;
             }
             let coming = state.queue.in_flight_soon();
-            let may_look_ahead = state.ahead.allows(state.ram.tile_bytes(), coming);
+            let may_look_ahead =
+                coming < self.most_ahead && state.ahead.allows(state.ram.tile_bytes(), coming);
             match state.queue.next(may_look_ahead, Instant::now()) {
                 Next::Load(key) => return Some(key),
                 Next::Wait(None) => self.work.wait(&mut state),
@@ -75,8 +77,10 @@ impl Shared {
     }
 
     fn load(&self, dataset: &OpenDataset, (_, tile): Key) -> Result<Loaded, Setback> {
+        // Where nothing can be fetched, a lease would be taken and given back in vain, by all nodes and for every tile.
+        let is_away = dataset.source.is_away();
         let on_disk = match &self.disk {
-            Some(disk) => self.look(disk, dataset, tile),
+            Some(disk) => self.look(disk, dataset, tile, is_away),
             None => OnDisk::Fetch(None),
         };
         let lease = match on_disk {
@@ -89,6 +93,10 @@ impl Shared {
                 });
             }
             OnDisk::Elsewhere(setback) => return Err(setback),
+            OnDisk::Fetch(_) if is_away => {
+                let reason = format!("tile {tile}: its repository does not answer");
+                return Err(Setback::Unreachable(reason.into()));
+            }
             OnDisk::Fetch(lease) => lease,
         };
         let bytes = dataset
@@ -126,7 +134,14 @@ impl Shared {
         }
     }
 
-    fn look(&self, disk: &DiskCache, dataset: &OpenDataset, tile: geodesy::Tile) -> OnDisk {
+    /// Looks on the disk, and takes a lease on what is not there unless that `is_away`.
+    fn look(
+        &self,
+        disk: &DiskCache,
+        dataset: &OpenDataset,
+        tile: geodesy::Tile,
+        is_away: bool,
+    ) -> OnDisk {
         let name = match name_of(&dataset.dataset, tile) {
             Ok(name) => name,
             Err(problem) => {
@@ -135,13 +150,20 @@ impl Shared {
             }
         };
         for _ in 0..CLAIMS {
-            let stored = match disk.claim(&name) {
-                Claim::Hit(stored) => stored,
-                Claim::Fetch(lease) => return OnDisk::Fetch(Some(lease)),
-                Claim::Busy { retry_after } => {
-                    return OnDisk::Elsewhere(Setback::Elsewhere(retry_after));
-                }
-                Claim::Without(_) => return OnDisk::Fetch(None),
+            let claim = match is_away {
+                true => disk.look(&name).map(Claim::Hit),
+                false => Some(disk.claim(&name)),
+            };
+            let stored = match claim {
+                None => return OnDisk::Fetch(None),
+                Some(claim) => match claim {
+                    Claim::Hit(stored) => stored,
+                    Claim::Fetch(lease) => return OnDisk::Fetch(Some(lease)),
+                    Claim::Busy { retry_after } => {
+                        return OnDisk::Elsewhere(Setback::Elsewhere(retry_after));
+                    }
+                    Claim::Without(_) => return OnDisk::Fetch(None),
+                },
             };
             let decoded = {
                 let _pass = self.decoding.pass();
@@ -168,14 +190,14 @@ impl Shared {
         let datasets = self.datasets.read();
         let current = datasets.get(&key.0).map(|current| current.dataset.revision);
         let mut state = self.state.lock();
-        // What nobody wants, or what only takes longer, changes no picture.
         let wished = state.queue.is_wished(&key);
-        let news = wished
-            && match &loaded {
-                Err(Setback::Elsewhere(_)) => false,
-                Err(Setback::Unreachable(_)) => state.queue.away(&key).is_none(),
-                _ => true,
-            };
+        // What only takes longer changes no picture. What nobody wishes for may: a picture that is being made looked for the
+        // tile in vain a moment ago, and will wish for it in a moment.
+        let news = match &loaded {
+            Err(Setback::Elsewhere(_)) => false,
+            Err(Setback::Unreachable(_)) => state.queue.away(&key).is_none(),
+            _ => true,
+        };
         let kept = match loaded {
             Ok(loaded) if current == dataset.map(|dataset| dataset.dataset.revision) => {
                 let (first, early) = state.queue.done(key);
