@@ -128,6 +128,7 @@ pub struct ChangeReport {
 
 /// What the nodes' tile caches did, together.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
 pub struct TileReport {
     /// Different tiles that came into the main memory of any node.
     pub distinct: u64,

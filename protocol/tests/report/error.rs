@@ -46,6 +46,15 @@ fn what_was_not_measured_is_not_invented() {
     ] {
         assert!(old.as_object_mut().unwrap().remove(key).is_some(), "{key}");
     }
+    for key in [
+        "early_bytes",
+        "vain_bytes",
+        "drawable_after_ms",
+        "repository_bytes",
+    ] {
+        let tiles = old["tiles"].as_object_mut().unwrap();
+        assert!(tiles.remove(key).is_some(), "{key}");
+    }
     let old: Report = serde_json::from_value(old).unwrap();
     assert_eq!(old.error_px, ErrorReport::default());
 }
