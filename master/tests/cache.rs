@@ -352,6 +352,35 @@ fn tiles_that_cannot_be_had_or_kept_are_told() {
 }
 
 #[test]
+fn a_wall_is_warmed_on_a_machine_that_has_not_its_adapters_and_short_memory_is_told() {
+    if !driver() {
+        return;
+    }
+    let setup = Setup::new();
+    let (whole, complaint) = {
+        let wall = setup
+            .wall(64)
+            .replace("headless = true", "headless = true\ngpu = 7");
+        std::fs::write(setup.path("other.toml"), wall).unwrap();
+        let (status, result, complaint) = setup.warm("other.toml", &["--json"]);
+        assert_eq!(status, Some(0), "{complaint}");
+        let result: Value = serde_json::from_str(&result).unwrap();
+        (result["tiles"].as_u64().unwrap(), complaint)
+    };
+    assert!(!complaint.contains("mesh.tile_px"), "{complaint}");
+    succeed(&["cache", "clear", text(&setup.path("cache")), "--yes"]);
+    let small = setup.wall(64).replace("gpu_mib = 256", "gpu_mib = 1");
+    std::fs::write(setup.path("little.toml"), small).unwrap();
+    let (status, result, complaint) = setup.warm("little.toml", &["--json"]);
+    assert_eq!(status, Some(0), "{complaint}");
+    let result: Value = serde_json::from_str(&result).unwrap();
+    assert!(result["tiles"].as_u64().unwrap() < whole, "{result}");
+    for part in ["node0: 1 MiB of graphics memory", "raise cache.gpu_mib"] {
+        assert!(complaint.contains(part), "{complaint}");
+    }
+}
+
+#[test]
 fn a_flight_that_is_interrupted_goes_on_later() {
     use rustix::process::{Pid, Signal, kill_process};
     if !driver() {

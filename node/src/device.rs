@@ -145,6 +145,7 @@ pub(crate) fn together(frames: &[FrameStatistics]) -> FrameStatistics {
         }
         sum.achieved_tau_px = sum.achieved_tau_px.max(frame.achieved_tau_px);
         sum.achieved_tile_px = sum.achieved_tile_px.max(frame.achieved_tile_px);
+        sum.is_device_bound |= frame.is_device_bound;
     }
     sum
 }

@@ -8,6 +8,7 @@ mod measure;
 
 use std::collections::VecDeque;
 use std::sync::Arc;
+use std::time::Duration;
 
 use protocol::follower::{Follower, Step};
 use protocol::message::{MAX_NEW_TILES, MoveLens, Steer, Swap};
@@ -23,6 +24,8 @@ use crate::priority::Priority;
 use crate::scenes::Scenes;
 use crate::{NodeError, NodeOutcome};
 
+/// How long a node that leaves waits for tiles on their way, so that its last counters hold.
+const LAST_LOADS: Duration = Duration::from_secs(1);
 /// How often the caches' counters are told.
 const COUNTERS_INTERVAL_US: i64 = 500_000;
 
@@ -210,6 +213,9 @@ impl FrameLoop {
         if std::mem::replace(&mut self.leaving, true) {
             return;
         }
+        if let Some(picture) = &mut self.picture {
+            picture.finish_loading(LAST_LOADS);
+        }
         self.tell_counters();
         let bye = ToMaster::Bye {
             reason: reason.to_owned(),
@@ -307,7 +313,9 @@ impl FrameLoop {
         self.wall = Some((Arc::clone(&wall), host));
         self.forget_master();
         self.counters_due_us = link::now_us() + COUNTERS_INTERVAL_US;
-        if known && self.picture.is_some() {
+        if known && let Some(picture) = &mut self.picture {
+            // Another master may have been told; this one was not.
+            picture.forget_troubles();
             return None;
         }
         self.picture = None;

@@ -148,6 +148,12 @@ pub trait Picture {
     /// memory that does not hold what is seen. Each is told once.
     fn take_troubles(&mut self) -> Vec<String>;
 
+    /// Forgets what was told of them: those that last are told again.
+    fn forget_troubles(&mut self);
+
+    /// Loads nothing more, and waits so long at most for what is on its way: counters change no more then.
+    fn finish_loading(&mut self, at_most: Duration);
+
     /// Brings what was drawn to the screens, at once. Headless outputs have nothing to do.
     ///
     /// # Errors

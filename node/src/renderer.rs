@@ -31,7 +31,7 @@ use crate::picture::{
     Drawn, OutputImage, Picture, PictureError, PictureMaker, PictureRequest, comparable,
 };
 use crate::scene_data::scene_data;
-use crate::troubles::{Room, Troubles};
+use crate::troubles::{Fineness, Troubles};
 
 const MIB: u64 = 1 << 20;
 /// How long another node's claim to a tile holds that gives no sign of life.
@@ -53,8 +53,8 @@ pub(crate) struct WallPicture {
     troubles: Troubles,
     /// What the renderers may use of each adapter's memory.
     gpu_mib: u64,
-    /// The side of tiles that the last scene that was drawn asks for, and what the last picture kept, in wall pixels.
-    tile_px: [f64; 2],
+    /// How fine the tiles of the last picture were.
+    fineness: Option<Fineness>,
     /// One for each adapter that draws outputs of this host, at least one.
     devices: Vec<Device>,
     scenes: KnownScenes,
@@ -69,6 +69,8 @@ pub struct WallPictureMaker {
     gpu: Arc<Gpu>,
     /// Adapters that outputs have asked for, by number.
     others: HashMap<u32, Arc<Gpu>>,
+    /// All that outputs ask for are the one that was opened first.
+    only_one: bool,
 }
 
 impl WallPictureMaker {
@@ -88,12 +90,20 @@ impl WallPictureMaker {
         Ok(Self {
             gpu: Arc::new(gpu.map_err(|error| unavailable(&error))?),
             others: HashMap::new(),
+            only_one: false,
         })
+    }
+
+    /// Takes the adapter that was opened for every adapter that a wall names, as on a machine that is not the wall's.
+    #[must_use]
+    pub fn with_one_adapter(mut self) -> Self {
+        self.only_one = true;
+        self
     }
 
     /// The adapter that an output names; without a number the one that was opened first.
     fn gpu(&mut self, number: Option<u32>) -> Result<Arc<Gpu>, PictureError> {
-        let Some(number) = number else {
+        let Some(number) = number.filter(|_| !self.only_one) else {
             return Ok(Arc::clone(&self.gpu));
         };
         if let Some(open) = self.others.get(&number) {
@@ -180,7 +190,7 @@ impl WallPicture {
             repositories,
             troubles: Troubles::default(),
             gpu_mib: wall.cache.gpu_mib,
-            tile_px: [0.0; 2],
+            fineness: None,
             devices,
             scenes: KnownScenes::default(),
             camera_sun: DVec3::X,
@@ -292,7 +302,11 @@ impl Picture for WallPicture {
         }
         let statistics = device::together(&frames);
         self.scenes.drawn(known);
-        self.tile_px = [known.tile_px, statistics.achieved_tile_px];
+        self.fineness = Some(Fineness {
+            asked_px: known.tile_px,
+            achieved_px: statistics.achieved_tile_px,
+            is_device_bound: statistics.is_device_bound,
+        });
         Ok(Drawn {
             redrawn: statistics.redrawn,
             converged: statistics.converged,
@@ -313,10 +327,19 @@ impl Picture for WallPicture {
         let scene = self.known(view)?;
         let view_point = self.displays.view_point(view);
         let mut wants = Vec::new();
+        let mut fineness = Fineness {
+            asked_px: scene.tile_px,
+            achieved_px: 0.0,
+            is_device_bound: false,
+        };
         for device in &mut self.devices {
             let needs = device.renderer.needs(&view_point, scene.number);
-            wants.extend(needs.map_err(|error| frame_error(&error))?);
+            let needs = needs.map_err(|error| frame_error(&error))?;
+            wants.extend(needs.wishes);
+            fineness.achieved_px = fineness.achieved_px.max(needs.achieved_tile_px);
+            fineness.is_device_bound |= needs.is_device_bound;
         }
+        self.fineness = Some(fineness);
         self.scenes.drawn(scene);
         Ok(render::fetch(&self.cache, &wants, known, patience))
     }
@@ -343,18 +366,22 @@ impl Picture for WallPicture {
         devices.find_map(|device| device.ground_under(output, pixel))
     }
 
+    fn forget_troubles(&mut self) {
+        self.troubles = Troubles::default();
+    }
+
+    fn finish_loading(&mut self, at_most: Duration) {
+        if !self.cache.finish(at_most) {
+            tracing::debug!("some tiles are still on their way");
+        }
+    }
+
     fn take_troubles(&mut self) -> Vec<String> {
         let states = self.repositories.states();
         let mut sentences = self.troubles.of_repositories(&states);
-        let [asked_px, achieved_px] = self.tile_px;
-        let is_full = |device: &Device| device.renderer.is_device_full();
-        let room = match self.devices.iter().any(is_full) {
-            true => Room::Device,
-            false => Room::Budget {
-                gpu_mib: self.gpu_mib,
-            },
-        };
-        sentences.extend(self.troubles.of_tiles(asked_px, achieved_px, room));
+        if let Some(fineness) = self.fineness {
+            sentences.extend(self.troubles.of_tiles(fineness, self.gpu_mib));
+        }
         sentences
     }
 

@@ -9,16 +9,15 @@ use repositories::RepositoryState;
 /// A threshold is raised by factors of √2; less is rounding.
 const RAISED: f64 = 1.01;
 
-/// What bounds how many tiles a node can show.
+/// How fine the tiles of a picture are.
 #[derive(Clone, Copy, Debug)]
-pub(crate) enum Room {
-    /// The budget of the wall.
-    Budget {
-        /// In MiB.
-        gpu_mib: u64,
-    },
-    /// The device, whatever the budget.
-    Device,
+pub(crate) struct Fineness {
+    /// The side in wall pixels beyond which the scene wants tiles split.
+    pub(crate) asked_px: f64,
+    /// The side beyond which they were split.
+    pub(crate) achieved_px: f64,
+    /// A larger budget would not make them finer.
+    pub(crate) is_device_bound: bool,
 }
 
 /// What was told.
@@ -56,14 +55,14 @@ impl Troubles {
         sentences
     }
 
-    /// A sentence where tiles of `asked_px` wall pixels are split at `achieved_px` only, more than was told before: the
-    /// room does not allow it.
-    pub(crate) fn of_tiles(
-        &mut self,
-        asked_px: f64,
-        achieved_px: f64,
-        room: Room,
-    ) -> Option<String> {
+    /// A sentence where tiles are coarser than asked for, and coarser than was told before: `gpu_mib`, or the device,
+    /// does not allow more.
+    pub(crate) fn of_tiles(&mut self, fineness: Fineness, gpu_mib: u64) -> Option<String> {
+        let Fineness {
+            asked_px,
+            achieved_px,
+            is_device_bound,
+        } = fineness;
         let told_px = match self.told_px {
             [asked, told] if asked == asked_px => told,
             _ => asked_px,
@@ -72,12 +71,12 @@ impl Troubles {
             return None;
         }
         self.told_px = [asked_px, achieved_px];
-        let (what, remedy) = match room {
-            Room::Budget { gpu_mib } => (
+        let (what, remedy) = match is_device_bound {
+            false => (
                 format!("{gpu_mib} MiB of graphics memory do"),
                 "raise cache.gpu_mib in the wall, or mesh.tile_px in the scene",
             ),
-            Room::Device => (
+            true => (
                 "the buffers that this graphics device can bind do".to_owned(),
                 "give the node fewer pixels, or raise mesh.tile_px in the scene",
             ),
@@ -128,8 +127,13 @@ mod tests {
     #[test]
     fn memory_that_is_too_small_is_told_when_it_gets_worse() {
         let mut troubles = Troubles::default();
-        let budget = Room::Budget { gpu_mib: 64 };
-        let mut told = |asked_px, achieved_px| troubles.of_tiles(asked_px, achieved_px, budget);
+        let fineness = |asked_px, achieved_px, is_device_bound| Fineness {
+            asked_px,
+            achieved_px,
+            is_device_bound,
+        };
+        let mut told =
+            |asked_px, achieved_px| troubles.of_tiles(fineness(asked_px, achieved_px, false), 64);
         assert_eq!(told(257.0, 257.0), None);
         let sentence = told(257.0, 363.5);
         assert!(
@@ -142,7 +146,7 @@ mod tests {
         assert!(told(257.0, 514.0).is_some());
         assert!(told(128.0, 181.0).is_some(), "another scene");
         assert_eq!(told(128.0, 181.0), None);
-        let told = troubles.of_tiles(128.0, 512.0, Room::Device);
+        let told = troubles.of_tiles(fineness(128.0, 512.0, true), 64);
         assert!(told.is_some_and(|text| text.contains("fewer pixels")));
     }
 }

@@ -186,7 +186,8 @@ fn all(args: &BenchAll) -> Result<(), Failure> {
     output::json_file(&out.join("cache.json"), &cache)?;
     bench_cache::print(&cache)?;
 
-    output::line(format!("\nReports and plots are in {}", out.display()))
+    output::line(format!("\nReports and plots are in {}", out.display()))?;
+    cache.verdict()
 }
 
 /// Skew and frame times over frames.

@@ -153,7 +153,7 @@ impl RunFigures {
 
 impl Figures {
     /// The repository is read once for each tile in the cold run, and for none that it left in the warm one.
-    fn verdict(&self) -> Result<(), Failure> {
+    pub(crate) fn verdict(&self) -> Result<(), Failure> {
         let failure = |run: &RunFigures, what: &str| {
             let (reads, distinct) = (run.tiles.repository_reads, run.tiles.distinct);
             Err(Failure::failed(format!(

@@ -111,6 +111,10 @@ impl Picture for FakePicture {
         Ok(())
     }
 
+    fn forget_troubles(&mut self) {}
+
+    fn finish_loading(&mut self, _: Duration) {}
+
     fn take_troubles(&mut self) -> Vec<String> {
         Vec::new()
     }

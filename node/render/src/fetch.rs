@@ -48,7 +48,7 @@ pub struct Fetched {
     pub waiting: usize,
 }
 
-/// Brings what is wished for, but for tiles of `known` numbers. Replaces the cache's own wishes and withdraws them;
+/// Brings what is wished for, but for tiles of `known` numbers. Replaces the cache's own wishes, and withdraws them once all came;
 /// waits for so long at most, and looks at every tile at least once.
 #[must_use]
 pub fn fetch(

@@ -26,7 +26,8 @@ use crate::recorder::PassTimes;
 use crate::refine::Refiner;
 use crate::refining::{Refined, TauSteps};
 use crate::renderer::{FrameStatistics, PlannedBlock, ViewPoint};
-use crate::sight::{Most, Sight, Sights};
+use crate::room::Most;
+use crate::sight::Sight;
 use crate::source::Source;
 use crate::textures::SurfaceTextures;
 
@@ -89,23 +90,16 @@ impl Gather<'_> {
         view: &ViewPoint,
         blocks: &[PlannedBlock],
     ) -> Result<(Vec<BlockDraws>, Vec<TileRecord>), RenderError> {
-        let most = Most {
-            // Half, so that the geometries of two scenes fit.
-            leaves: self.geometries.capacity() / 2,
-            tiles: self.textures.most_tiles(),
-        };
-        let Sights {
-            of_eyes: sights,
-            visible,
-        } = self.scene.sights(view, blocks, most);
-        let tiles = self.scene.distinct_tiles(&visible);
+        let most = Most::here(self.geometries, self.textures);
+        let sights = self.scene.sights(view, blocks, most);
+        let tiles = self.scene.distinct_tiles(&sights.visible);
+        self.statistics.achieved_tile_px = sights.achieved_tile_px();
+        self.statistics.is_device_bound = sights
+            .bound
+            .is_some_and(|bound| bound.is_of_device(self.geometries, self.textures));
+        let sights = sights.of_eyes;
         for (_, _, sight) in &sights {
-            let selection = &sight.selection;
-            self.statistics.selected_tiles += selection.leaves().len() as u32;
-            self.statistics.achieved_tile_px = self
-                .statistics
-                .achieved_tile_px
-                .max(selection.achieved_tile_px());
+            self.statistics.selected_tiles += sight.selection.leaves().len() as u32;
         }
         // Beside what is drawn, some of what was: a viewer comes back, and ancestors stand in.
         let room = tiles * if self.shares { 5 } else { 3 } / 2 + 32;

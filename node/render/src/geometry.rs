@@ -75,19 +75,24 @@ pub(crate) struct Geometries {
 impl Geometries {
     /// Slots within `budget_bytes`.
     pub(crate) fn new(gpu: &Gpu, budget_bytes: u64) -> Self {
-        let bytes = GeometryBuffers::bytes_per_slot();
         // Heights and errors are bound whole.
         let limit = gpu.device.limits().max_storage_buffer_binding_size;
         let bound = limit / (terrain::LATTICE_NODES as u64 * 4);
-        let most = (budget_bytes / bytes).clamp(LEAST_SLOTS, bound.max(LEAST_SLOTS)) as u32;
+        let wanted = Self::slots_of(budget_bytes);
+        let most = wanted.min(bound.max(LEAST_SLOTS)) as u32;
         Self {
             buffers: GeometryBuffers::new(gpu, most),
             known: HashMap::new(),
             free: (0..most).rev().collect(),
             tables: HashMap::new(),
             trimmed: 0,
-            is_device_full: budget_bytes / bytes >= bound,
+            is_device_full: wanted >= bound,
         }
+    }
+
+    /// Leaves that so many bytes hold, wherever that much can be bound.
+    pub(crate) fn slots_of(budget_bytes: u64) -> u64 {
+        (budget_bytes / GeometryBuffers::bytes_per_slot()).max(LEAST_SLOTS)
     }
 
     /// Whether a larger budget would make no more room: the device binds no larger buffers.

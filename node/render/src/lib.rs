@@ -29,6 +29,7 @@ mod recorder;
 mod refine;
 mod refining;
 mod renderer;
+mod room;
 mod scene;
 mod scratch;
 mod show;
@@ -71,8 +72,8 @@ pub use outputs::{
     WarpPart,
 };
 pub use renderer::{
-    AheadStatistics, ErrorMeasure, EyeView, FrameStatistics, PassTime, RenderBudget, Renderer,
-    ViewPoint,
+    AheadStatistics, ErrorMeasure, EyeView, FrameStatistics, Needs, PassTime, RenderBudget,
+    Renderer, ViewPoint,
 };
 pub use scene::{Air, Light, Refine, SceneData, sun_over};
 pub use target::Picture;

@@ -6,6 +6,7 @@
 
 mod ahead;
 mod blocks;
+mod encode;
 mod foresight;
 mod measure;
 mod needs;
@@ -20,7 +21,7 @@ use std::time::{Duration, Instant};
 use geodesy::Tile;
 use glam::DVec3;
 use shaders::{FrameUniform, TileRecord};
-use tiles::{DatasetId, Level, TileCache, Wish};
+use tiles::{DatasetId, Level, TileCache, Wish, Wishes};
 
 use crate::arrivals::Arrivals;
 use crate::error::RenderError;
@@ -29,23 +30,25 @@ use crate::gather::{BlockDraws, Gather};
 use crate::geometry::Geometries;
 use crate::gpu::Gpu;
 use crate::loaded::LoadedScene;
-use crate::meshes::{ARGUMENT_WORDS, Meshes};
+use crate::meshes::Meshes;
 use crate::outputs::OutputPlan;
 use crate::pipelines::Pipelines;
 use crate::process::Processor;
-use crate::recorder::{PassTimes, Recorder};
+use crate::recorder::PassTimes;
 use crate::refine::Refiner;
 use crate::refining::{Refined, TauSteps};
+use crate::room::Shares;
 use crate::source::Source;
 use crate::target::{BlockTarget, OutputTarget, Picture};
 use crate::textures::SurfaceTextures;
 use crate::uniform::frame_uniform;
-use blocks::{block_layouts, copy_block, dark_pictures, filled_blocks, plan_blocks};
+use blocks::{filled_blocks, plan_blocks};
 use foresight::Foresight;
 
 pub use ahead::AheadStatistics;
 pub(crate) use blocks::PlannedBlock;
 pub use measure::{ErrorMeasure, PassTime};
+pub use needs::Needs;
 pub use view::{EyeView, FrameStatistics, RenderBudget, ViewPoint};
 
 /// The longest that processing for the shown scene may hold up one frame.
@@ -106,6 +109,8 @@ pub struct Renderer {
     used: HashSet<u64>,
     new_tiles: Vec<u64>,
     arrivals: Arrivals,
+    /// Its own, beside those of other devices of the host.
+    wishes: Wishes,
     foresight: Foresight,
     last: Option<LastFrame>,
 }
@@ -164,12 +169,12 @@ impl Renderer {
         outputs: &[OutputPlan],
         budget: RenderBudget,
     ) -> Result<Self, RenderError> {
-        // Three eighths for what is seen, three for heights and their errors, an eighth for what these are made of, and an
-        // eighth for meshes.
-        let textures = SurfaceTextures::new(&gpu, budget.gpu_bytes / 8 * 3);
-        let processor = Processor::new(&gpu, budget.gpu_bytes / 8);
-        let geometries = Geometries::new(&gpu, budget.gpu_bytes / 8 * 3);
-        let meshes = Meshes::new(&gpu, budget.gpu_bytes / 8);
+        let wishes = cache.wishes();
+        let shares = Shares::of(budget.gpu_bytes);
+        let textures = SurfaceTextures::new(&gpu, shares.textures);
+        let processor = Processor::new(&gpu, shares.processing);
+        let geometries = Geometries::new(&gpu, shares.geometries);
+        let meshes = Meshes::new(&gpu, shares.meshes);
         let refiner = Refiner::new(&gpu);
         let pipelines = Pipelines::new(&gpu, &textures)?;
         let finisher = Finisher::new(&gpu, outputs)?;
@@ -207,6 +212,7 @@ impl Renderer {
             used: HashSet::new(),
             new_tiles: Vec::new(),
             arrivals: Arrivals::default(),
+            wishes,
             foresight: Foresight::default(),
             last: None,
         })
@@ -248,11 +254,6 @@ impl Renderer {
         statistics.prepared = ahead.prepared;
         statistics.processed_tiles += ahead.processed_tiles;
         Ok(statistics)
-    }
-
-    /// Whether a larger memory budget would not hold more tiles: the device itself binds no larger buffers.
-    pub fn is_device_full(&self) -> bool {
-        self.geometries.is_device_full()
     }
 
     /// Draws the view of a scene into every output and waits for the GPU. Draws nothing where nothing changed.
@@ -309,7 +310,8 @@ impl Renderer {
         };
         let lacking_until = upload_until.max(begin + lacking);
         let mut gathered = self.gather(scene, view, &blocks, lacking_until, false)?;
-        self.arrivals.forget_before(self.frame);
+        // The next scene is prepared after a frame, and wants what it wants as of that one.
+        self.arrivals.forget_before(self.frame.saturating_sub(1));
         let (relit, switched) = (
             std::mem::take(&mut self.relit),
             std::mem::take(&mut self.switched),
@@ -365,7 +367,7 @@ impl Renderer {
     fn request(&self) {
         let shown = self.last.as_ref().map(|last| last.wants.as_slice());
         let wants = [shown.unwrap_or_default(), &self.next_wants].concat();
-        self.cache.request(&wants);
+        self.wishes.request(&wants);
     }
 
     /// What a view needs of a scene: what is there, and as much more as can be made until then.
@@ -443,145 +445,6 @@ impl Renderer {
         })
     }
 
-    fn render(
-        &mut self,
-        view: &ViewPoint,
-        blocks: &[PlannedBlock],
-        draws: &[BlockDraws],
-        filled: &[bool],
-        wireframe: bool,
-    ) -> Result<(), RenderError> {
-        let meshes = &self.meshes;
-        let wireframe = match wireframe {
-            true => Some(self.pipelines.wireframe(&self.gpu)?),
-            false => None,
-        };
-        let mut recorder = Recorder::new(&self.gpu, &mut self.times);
-        let layouts = block_layouts(&self.outputs, blocks);
-        for ((_, _, scratch), layout) in self.outputs.iter_mut().zip(&layouts) {
-            // A tracked head can lose or find a screen, and with it the blocks of an output.
-            if layout.size == [0, 0] || scratch.as_ref().is_some_and(|block| block.suits(*layout)) {
-                continue;
-            }
-            *scratch = Some(BlockTarget::new(&self.gpu, *layout));
-        }
-        let outputs = &self.outputs;
-        let size_of_scratch = |output: usize| {
-            let scratch = outputs
-                .get(output)
-                .and_then(|(_, _, scratch)| scratch.as_ref());
-            scratch.map_or([1, 1], |scratch| scratch.layout.size)
-        };
-        let plans: Vec<&OutputPlan> = outputs.iter().map(|(plan, _, _)| plan).collect();
-        self.finisher
-            .prepare(&self.gpu, &plans, view, blocks, &size_of_scratch);
-        for (output, picture) in dark_pictures(outputs, blocks) {
-            if let Some((_, target, _)) = outputs.get(output) {
-                clear(&mut recorder.encoder, target.picture(picture));
-            }
-        }
-        for (index, (planned, draws)) in blocks.iter().zip(draws).enumerate() {
-            let block = &planned.block;
-            let Some((plan, target, Some(scratch))) = outputs.get(planned.output) else {
-                continue;
-            };
-            let colour = scratch
-                .colour
-                .as_ref()
-                .map_or(&target.view, |drawn| &drawn.view);
-            let mut pass = recorder
-                .encoder
-                .begin_render_pass(&wgpu::RenderPassDescriptor {
-                    label: Some("block"),
-                    color_attachments: &[Some(wgpu::RenderPassColorAttachment {
-                        view: colour,
-                        depth_slice: None,
-                        resolve_target: None,
-                        ops: wgpu::Operations {
-                            load: wgpu::LoadOp::Clear(wgpu::Color::BLACK),
-                            store: wgpu::StoreOp::Store,
-                        },
-                    })],
-                    depth_stencil_attachment: Some(wgpu::RenderPassDepthStencilAttachment {
-                        view: &scratch.depth,
-                        depth_ops: Some(wgpu::Operations {
-                            load: wgpu::LoadOp::Clear(0.0),
-                            store: wgpu::StoreOp::Discard,
-                        }),
-                        stencil_ops: None,
-                    }),
-                    ..wgpu::RenderPassDescriptor::default()
-                });
-            pass.set_viewport(
-                0.0,
-                0.0,
-                block.area.width as f32,
-                block.area.height as f32,
-                0.0,
-                1.0,
-            );
-            let wanted = block.wanted;
-            pass.set_scissor_rect(wanted.x, wanted.y, wanted.width, wanted.height);
-            pass.set_bind_group(
-                0,
-                &self.pipelines.bindings,
-                &[self.pipelines.frame_offset(index)],
-            );
-            pass.set_pipeline(&self.pipelines.terrain);
-            pass.set_vertex_buffer(0, meshes.vertices.slice(..));
-            pass.set_index_buffer(meshes.indices.slice(..), wgpu::IndexFormat::Uint32);
-            for draw in &draws.patches {
-                let offset = u64::from(draw.argument) * ARGUMENT_WORDS * 4;
-                pass.draw_indexed_indirect(&meshes.arguments, offset);
-            }
-            if let Some(wireframe) = wireframe {
-                pass.set_pipeline(wireframe);
-                for draw in &draws.patches {
-                    let offset = u64::from(draw.argument) * ARGUMENT_WORDS * 4;
-                    pass.draw_indexed_indirect(&meshes.arguments, offset);
-                }
-            }
-            if !filled.get(index).copied().unwrap_or_default() {
-                pass.set_pipeline(&self.pipelines.atmosphere);
-                pass.draw(0..3, 0..1);
-            }
-            drop(pass);
-            if let Some(drawn) = &scratch.colour
-                && let Some(channel) = plan.channels.get(planned.channel)
-            {
-                if channel.is_plain(plan) {
-                    let texture = target.picture_texture(channel.picture);
-                    copy_block(
-                        &mut recorder.encoder,
-                        &drawn.texture,
-                        texture,
-                        channel,
-                        planned,
-                    );
-                } else {
-                    let (block, channel) = ((index, planned), (channel, view));
-                    self.finisher.finish_block(
-                        &self.gpu,
-                        &mut recorder,
-                        block,
-                        channel,
-                        drawn,
-                        target,
-                    )?;
-                }
-            }
-        }
-        for (index, (plan, target, _)) in outputs.iter().enumerate() {
-            self.finisher
-                .finish_output(&self.gpu, &mut recorder, index, plan, target)?;
-        }
-        recorder.finish()?;
-        self.write_instead();
-        self.gpu.queue.submit([]);
-        self.gpu.wait()?;
-        Ok(())
-    }
-
     /// The finished pictures, in the order of the outputs.
     pub fn read_pictures(&self) -> Result<Vec<(String, Picture)>, RenderError> {
         self.outputs
@@ -606,21 +469,4 @@ impl Renderer {
     pub fn gpu(&self) -> &Arc<Gpu> {
         &self.gpu
     }
-}
-
-/// Makes a picture black.
-fn clear(encoder: &mut wgpu::CommandEncoder, view: &wgpu::TextureView) {
-    encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
-        label: Some("dark"),
-        color_attachments: &[Some(wgpu::RenderPassColorAttachment {
-            view,
-            depth_slice: None,
-            resolve_target: None,
-            ops: wgpu::Operations {
-                load: wgpu::LoadOp::Clear(wgpu::Color::BLACK),
-                store: wgpu::StoreOp::Store,
-            },
-        })],
-        ..wgpu::RenderPassDescriptor::default()
-    });
 }

@@ -10,18 +10,10 @@ use terrain::{Frustum, LodLimits, LodView, Selection};
 use crate::loaded::LoadedScene;
 use crate::ranges::Ranges;
 use crate::renderer::{PlannedBlock, ViewPoint};
+use crate::room::{Bound, Most};
 
 /// Leaves over the whole planet that one selection may have.
 const MOST_LEAVES: usize = 32_768;
-
-/// How much all eyes may see together.
-#[derive(Clone, Copy)]
-pub(crate) struct Most {
-    /// Leaves and those around them, for their geometries.
-    pub(crate) leaves: usize,
-    /// Tiles of fused heights or of fused colours.
-    pub(crate) tiles: usize,
-}
 
 /// What an eye sees: leaves of the planet, those visible in each block, and in any.
 pub(crate) struct Sight {
@@ -36,6 +28,18 @@ pub(crate) struct Sights {
     pub(crate) of_eyes: Vec<(DVec3, Vec<usize>, Sight)>,
     /// The visible leaves of all eyes: each once.
     pub(crate) visible: Vec<Tile>,
+    /// What keeps tiles from being as fine as the scene asks for, if anything does.
+    pub(crate) bound: Option<Bound>,
+}
+
+impl Sights {
+    /// The side in pixels beyond which tiles were split; 0 where nothing is seen.
+    pub(crate) fn achieved_tile_px(&self) -> f64 {
+        let selections = self.of_eyes.iter().map(|(_, _, sight)| &sight.selection);
+        selections
+            .map(Selection::achieved_tile_px)
+            .fold(0.0, f64::max)
+    }
 }
 
 impl LoadedScene {
@@ -43,25 +47,35 @@ impl LoadedScene {
     /// by whole factors of √2, until it fits: eyes of one room see almost the same tiles, and in the same detail.
     pub(crate) fn sights(&self, view: &ViewPoint, blocks: &[PlannedBlock], most: Most) -> Sights {
         let mut tile_px = self.data.tile_px;
+        let mut bound = None;
         loop {
             let of_eyes = self.sights_at(view, blocks, tile_px);
             let (leaves, visible) = together(&of_eyes);
-            let most = match of_eyes.len() {
-                0 | 1 => most,
-                // Where their neighbours differ, two eyes have a tile each: hence the reserve.
-                _ => Most {
-                    leaves: most.leaves / 5 * 4,
-                    tiles: most.tiles / 5 * 4,
-                },
+            let most = most.for_eyes(of_eyes.len());
+            let beyond = if leaves.len() > most.leaves {
+                Some(Bound::Leaves)
+            } else if self.distinct_tiles(&visible) > most.tiles {
+                Some(Bound::Tiles)
+            } else {
+                None
             };
-            let fits = leaves.len() <= most.leaves && self.distinct_tiles(&visible) <= most.tiles;
-            let selections = || of_eyes.iter().map(|(_, _, sight)| &sight.selection);
+            let are_roots = |selection: &Selection| selection.leaves().len() <= Tile::ROOTS.len();
             // Six roots are the least there can be.
-            if fits || selections().all(|eye| eye.leaves().len() <= Tile::ROOTS.len()) {
-                return Sights { of_eyes, visible };
+            let is_least = of_eyes.iter().all(|(_, _, eye)| are_roots(&eye.selection));
+            bound = beyond.or(bound);
+            let mut sights = Sights {
+                of_eyes,
+                visible,
+                bound,
+            };
+            let achieved_px = sights.achieved_tile_px();
+            if beyond.is_none() || is_least {
+                if achieved_px > self.data.tile_px {
+                    sights.bound = bound.or(Some(Bound::Selection));
+                }
+                return sights;
             }
-            let achieved = selections().map(Selection::achieved_tile_px);
-            tile_px = achieved.fold(tile_px, f64::max) * std::f64::consts::SQRT_2;
+            tile_px = achieved_px.max(tile_px) * std::f64::consts::SQRT_2;
         }
     }
 

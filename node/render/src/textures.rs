@@ -12,6 +12,8 @@ pub(crate) const LAYER_BYTES: u64 = LAYER_SIDE as u64 * LAYER_SIDE as u64 * 4;
 
 /// Layers of each array to begin with; what a view needs comes on top.
 const FIRST_LAYERS: u32 = 64;
+/// Layers of each array whatever the budget says.
+const LEAST_LAYERS: u64 = 32;
 
 /// The two arrays, and who holds which layer.
 #[derive(Debug)]
@@ -21,28 +23,41 @@ pub(crate) struct SurfaceTextures {
     pub(crate) arrays: LayerArrays,
     /// Layers of each array that the budget allows.
     most_layers: u32,
+    /// The budget would hold more than the device's arrays can have.
+    is_device_full: bool,
 }
 
 impl SurfaceTextures {
-    /// Arrays that together stay within `budget_bytes`, with at least 32 layers each.
+    /// Arrays that together stay within `budget_bytes`, with [`LEAST_LAYERS`] each at least.
     pub(crate) fn new(gpu: &Gpu, budget_bytes: u64) -> Self {
-        let most = u64::from(gpu.device.limits().max_texture_array_layers);
-        let most_layers = (budget_bytes / (2 * LAYER_BYTES)).clamp(32, most) as u32;
+        let bound = u64::from(gpu.device.limits().max_texture_array_layers);
+        let wanted = Self::layers_of(budget_bytes);
+        let most_layers = wanted.min(bound) as u32;
         let arrays = LayerArrays::new(gpu, FIRST_LAYERS.min(most_layers));
         let textures = Self {
             imagery: LayerPool::new(arrays.layers),
             relief: LayerPool::new(arrays.layers),
             arrays,
             most_layers,
+            is_device_full: wanted >= bound,
         };
         textures.write_bare_ground(gpu);
         textures
     }
 
-    /// Tiles that one view may show, so that the layers of two scenes fit: the shown one's and, while it is in
-    /// preparation, the next one's. Layer 0 holds no tile.
-    pub(crate) fn most_tiles(&self) -> usize {
-        self.most_layers as usize / 2 - 1
+    /// Layers of each array that so many bytes hold, wherever arrays can have as many.
+    pub(crate) fn layers_of(budget_bytes: u64) -> u64 {
+        (budget_bytes / (2 * LAYER_BYTES)).max(LEAST_LAYERS)
+    }
+
+    /// Layers that each array may have here.
+    pub(crate) fn most_layers(&self) -> usize {
+        self.most_layers as usize
+    }
+
+    /// Whether a larger budget would make no more room: the device's arrays have no more layers.
+    pub(crate) fn is_device_full(&self) -> bool {
+        self.is_device_full
     }
 
     /// Makes room for `layers` tiles in each array, as far as the budget goes. What is there stays.

@@ -88,7 +88,8 @@ pub(super) fn run(args: &WarmCache) -> Result<(), Failure> {
     let directory = node::cache::directory(&wall).ok_or_else(homeless)?;
     let times = times(&scene.camera, args)?;
     local::check_repositories(&scene)?;
-    let mut maker = WallPictureMaker::open(None)?;
+    // Nothing is drawn: this machine need not have what the wall's hosts have.
+    let mut maker = WallPictureMaker::open(None)?.with_one_adapter();
     let viewers = node::viewers(&wall)?;
     let bar = bar("views [{bar:40}] {pos}/{len} {eta} left {msg}");
     bar.set_length((times.len() * wall.hosts.len()) as u64);
@@ -103,6 +104,7 @@ pub(super) fn run(args: &WarmCache) -> Result<(), Failure> {
         })?;
         picture.prepare_scene(REVISION, &scene)?;
         let mut flight = Flight {
+            host: &of_wall.name,
             picture: &mut *picture,
             viewers: &viewers,
             budget_bytes: wall.cache.disk_mib.saturating_mul(MIB),
@@ -182,6 +184,8 @@ fn length_s(camera: &Camera) -> f64 {
 
 /// One host's flight.
 struct Flight<'f> {
+    /// Its name.
+    host: &'f str,
     picture: &'f mut dyn Picture,
     viewers: &'f Viewers,
     budget_bytes: u64,
@@ -214,6 +218,11 @@ impl Flight<'_> {
             }
             let fetched = self.picture.fetch(&view, &brought.known, GLANCE)?;
             let waiting = fetched.waiting;
+            for trouble in self.picture.take_troubles() {
+                let host = self.host;
+                self.bar
+                    .suspend(|| eprintln!("terrawall: {host}: {trouble}"));
+            }
             if brought.take(fetched) {
                 last_news = Instant::now();
             }

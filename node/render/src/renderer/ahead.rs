@@ -13,6 +13,7 @@ use crate::error::RenderError;
 use crate::loaded::LoadedScene;
 use crate::renderer::Renderer;
 use crate::renderer::blocks::plan_blocks;
+use crate::renderer::foresight::Foresight;
 use crate::scene::SceneData;
 use crate::source::Source;
 
@@ -120,6 +121,9 @@ impl Renderer {
         }
         let before = std::mem::replace(&mut self.scene, self.next.take());
         self.switched = true;
+        // What was to be wanted soon was of the other scene.
+        self.foresight = Foresight::default();
+        self.wishes.request_ahead(&[]);
         self.next_wants.clear();
         self.next_prepared_at = None;
         // Everything else that a picture is made of is compared with the last one's.

@@ -13,7 +13,7 @@ use crate::gather::priority;
 use crate::loaded::LoadedScene;
 use crate::renderer::blocks::plan_blocks;
 use crate::renderer::{Renderer, ViewPoint};
-use crate::sight::Most;
+use crate::room::Most;
 
 /// How far ahead motion is followed.
 const LOOK_AHEAD: Duration = Duration::from_secs(1);
@@ -76,6 +76,7 @@ impl Foresight {
             return Outlook::Unknown;
         };
         if before.eyes.len() != view.eyes.len() || now.duration_since(before.at) > STALE {
+            self.rested = None;
             return Outlook::Unknown;
         }
         if before.eyes == view.eyes && before.room == view.room {
@@ -151,10 +152,10 @@ impl Renderer {
         let now = Instant::now();
         match self.foresight.outlook(ellipsoid, &last.view, rests, now) {
             Outlook::AsBefore => {}
-            Outlook::Unknown => self.cache.request_ahead(&[]),
+            Outlook::Unknown => self.wishes.request_ahead(&[]),
             Outlook::At(view) => {
                 let wishes = self.wishes_of(scene, &view);
-                self.cache.request_ahead(&wishes);
+                self.wishes.request_ahead(&wishes);
             }
         }
     }
@@ -162,10 +163,7 @@ impl Renderer {
     /// The data of all leaves that a view would show.
     fn wishes_of(&self, scene: &LoadedScene, view: &ViewPoint) -> Vec<Wish> {
         let blocks = plan_blocks(&self.outputs, view);
-        let most = Most {
-            leaves: self.geometries.capacity() / 2,
-            tiles: self.textures.most_tiles(),
-        };
+        let most = Most::here(&self.geometries, &self.textures);
         let gaze = -view.room.z_axis;
         let mut wishes = Vec::new();
         for (eye, _, sight) in scene.sights(view, &blocks, most).of_eyes {

@@ -2,7 +2,7 @@
 //!
 //! In: a view of a scene. Out: every tile that drawing would ask the tile cache for: what visible leaves show, the
 //! elevation around them, the roots that stand in for the rest. It asks for nothing and draws nothing; it selects as
-//! drawing does, for the same budgets.
+//! drawing does, for the same budget: on this device, and on one that binds as much as the budget asks for.
 
 use std::collections::HashSet;
 
@@ -15,36 +15,56 @@ use crate::loaded::LoadedScene;
 use crate::process::Work;
 use crate::renderer::blocks::plan_blocks;
 use crate::renderer::{Renderer, ViewPoint};
-use crate::sight::{Most, Sight};
+use crate::room::{Bound, Most};
+use crate::sight::Sight;
 use crate::source::Source;
 
+/// What a view needs.
+#[derive(Clone, Debug)]
+pub struct Needs {
+    /// Tiles, each once, with the priority that drawing would give them.
+    pub wishes: Vec<Wish>,
+    /// The side in pixels beyond which tiles are split at least, whatever the device binds: the scene's, or more where the
+    /// budget forbids it.
+    pub achieved_tile_px: f64,
+    /// More memory would allow no finer tiles.
+    pub is_device_bound: bool,
+}
+
 impl Renderer {
-    /// The tiles that the view of a scene shows once nothing is missing, each once, with the priority that drawing
-    /// would give it. The scene becomes the shown one.
+    /// The tiles that the view of a scene shows once nothing is missing, on this device or on a larger one. The scene
+    /// becomes the shown one.
     ///
     /// # Errors
     /// [`RenderError::UnknownScene`] where the scene was not prepared.
-    pub fn needs(&mut self, view: &ViewPoint, revision: u64) -> Result<Vec<Wish>, RenderError> {
+    pub fn needs(&mut self, view: &ViewPoint, revision: u64) -> Result<Needs, RenderError> {
         self.show(revision)?;
         let Some(scene) = &self.scene else {
             return Err(RenderError::UnknownScene { revision });
         };
         let blocks = plan_blocks(&self.outputs, view);
-        let most = Most {
-            leaves: self.geometries.capacity() / 2,
-            tiles: self.textures.most_tiles(),
-        };
+        let here = Most::here(&self.geometries, &self.textures);
+        let of_budget = Most::of_budget(self.budget.gpu_bytes);
+        // Tiles of a coarser selection are other tiles: their data is not among that of a finer one.
+        let anywhere = scene.sights(view, &blocks, of_budget);
+        let coarser = (here != of_budget).then(|| scene.sights(view, &blocks, here));
         let gaze = -view.room.z_axis;
-        let (mut wishes, mut known) = (Vec::new(), HashSet::new());
-        for (eye, _, sight) in scene.sights(view, &blocks, most).of_eyes {
+        let mut needs = Needs {
+            wishes: Vec::new(),
+            achieved_tile_px: anywhere.achieved_tile_px(),
+            is_device_bound: anywhere.bound == Some(Bound::Selection),
+        };
+        let mut known = HashSet::new();
+        let all = [Some(anywhere), coarser].into_iter().flatten();
+        for (eye, _, sight) in all.flat_map(|sights| sights.of_eyes) {
             for (id, tile) in needs_of(scene, &sight) {
                 if known.insert((id, tile)) {
                     let urgency = priority(&scene.data.ellipsoid, (eye, gaze), tile);
-                    wishes.push((id, tile, urgency));
+                    needs.wishes.push((id, tile, urgency));
                 }
             }
         }
-        Ok(wishes)
+        Ok(needs)
     }
 }
 

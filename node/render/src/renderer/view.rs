@@ -72,4 +72,6 @@ pub struct FrameStatistics {
     pub achieved_tau_px: f64,
     /// The side in pixels beyond which tiles were split: the scene's, or more where budgets forbid it.
     pub achieved_tile_px: f64,
+    /// It is more, and a larger budget would not change that.
+    pub is_device_bound: bool,
 }
