@@ -16,7 +16,6 @@ use std::time::Duration;
 
 use serve::Door;
 use tokio::sync::watch;
-use tokio::time::sleep;
 
 use self::api::Api;
 use crate::events::EventSender;
@@ -145,22 +144,10 @@ impl Control {
         let thread = std::thread::Builder::new()
             .name("control".to_owned())
             .spawn(move || {
-                runtime.block_on(async {
-                    let served = axum::serve(door, router)
-                        .with_graceful_shutdown(until_closed(closing.clone()));
-                    let patience = async {
-                        until_closed(closing).await;
-                        sleep(FAREWELL).await;
-                    };
-                    tokio::select! {
-                        ended = served => {
-                            if let Err(error) = ended {
-                                tracing::warn!(%error, "the control API has ended");
-                            }
-                        }
-                        () = patience => {}
-                    }
-                });
+                let served = door.serve(router, closing, FAREWELL);
+                if let Err(error) = runtime.block_on(served) {
+                    tracing::warn!(%error, "the control API has ended");
+                }
             })
             .map_err(ControlError::System)?;
         Ok(Self {
@@ -196,11 +183,6 @@ fn listen(address: SocketAddr, any_port: bool) -> Result<TcpListener, ControlErr
     bound
         .and_then(|listener| listener.set_nonblocking(true).map(|()| listener))
         .map_err(|source| ControlError::Bind { address, source })
-}
-
-async fn until_closed(mut closing: watch::Receiver<bool>) {
-    // An error means that the sender is gone, which closes as well.
-    let _gone = closing.wait_for(|closed| *closed).await;
 }
 
 #[cfg(test)]

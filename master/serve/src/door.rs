@@ -1,6 +1,6 @@
-//! The listening side: a bounded number of connections, none of which may linger.
-//! In: a listening socket. Out: connections for axum. A client that neither sends nor reads is cut off, so that it
-//! holds a place only for a while. It must not look at what is sent.
+//! The listening side: a bounded number of connections, none of which may linger, until it is closed.
+//! In: a listening socket, what answers. Out: connections for axum. A client that neither sends nor reads is cut off,
+//! so that it holds a place only for a while. It must not look at what is sent.
 
 use std::net::SocketAddr;
 use std::pin::Pin;
@@ -8,10 +8,11 @@ use std::sync::Arc;
 use std::task::{Context, Poll};
 use std::time::Duration;
 
+use axum::Router;
 use axum::serve::Listener;
 use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use tokio::net::{TcpListener, TcpStream};
-use tokio::sync::{OwnedSemaphorePermit, Semaphore};
+use tokio::sync::{OwnedSemaphorePermit, Semaphore, watch};
 use tokio::time::{Instant, Sleep, sleep};
 
 /// Before the next try after a connection could not be taken, for example because there are no file descriptors.
@@ -41,6 +42,33 @@ impl Door {
             stillness,
         })
     }
+
+    /// Answers until `closing` says true or its sender is gone. Answers under way may take for `farewell` then.
+    ///
+    /// # Errors
+    /// What ended it before.
+    pub async fn serve(
+        self,
+        router: Router,
+        closing: watch::Receiver<bool>,
+        farewell: Duration,
+    ) -> std::io::Result<()> {
+        let served =
+            axum::serve(self, router).with_graceful_shutdown(until_closed(closing.clone()));
+        let patience = async {
+            until_closed(closing).await;
+            sleep(farewell).await;
+        };
+        tokio::select! {
+            ended = served => ended,
+            () = patience => Ok(()),
+        }
+    }
+}
+
+async fn until_closed(mut closing: watch::Receiver<bool>) {
+    // An error means that the sender is gone, which closes as well.
+    let _gone = closing.wait_for(|closed| *closed).await;
 }
 
 impl Listener for Door {
@@ -147,7 +175,6 @@ mod tests {
 
     use std::io::{Read as _, Write as _};
 
-    use axum::Router;
     use axum::routing::get;
 
     use super::*;

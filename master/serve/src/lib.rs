@@ -17,7 +17,6 @@ use std::time::Duration;
 use thiserror::Error;
 use tiles::DATASET_FILE;
 use tokio::sync::watch;
-use tokio::time::sleep;
 
 use respond::Site;
 
@@ -154,22 +153,10 @@ impl Server {
         let thread = std::thread::Builder::new()
             .name("serve".to_owned())
             .spawn(move || {
-                runtime.block_on(async {
-                    let served = axum::serve(door, router)
-                        .with_graceful_shutdown(until_closed(closing.clone()));
-                    let patience = async {
-                        until_closed(closing).await;
-                        sleep(FAREWELL).await;
-                    };
-                    tokio::select! {
-                        ended = served => {
-                            if let Err(error) = ended {
-                                tracing::error!(%error, "the server has ended");
-                            }
-                        }
-                        () = patience => {}
-                    }
-                });
+                let served = door.serve(router, closing, FAREWELL);
+                if let Err(error) = runtime.block_on(served) {
+                    tracing::error!(%error, "the server has ended");
+                }
                 // Reads that hang on a dead file system must not hold up the end.
                 runtime.shutdown_background();
             })
@@ -241,9 +228,4 @@ fn repositories(directory: &Path) -> std::io::Result<Vec<String>> {
     }
     names.sort();
     Ok(names)
-}
-
-async fn until_closed(mut closing: watch::Receiver<bool>) {
-    // A dropped sender means the same.
-    let _ = closing.wait_for(|closed| *closed).await;
 }

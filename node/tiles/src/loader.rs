@@ -16,7 +16,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::thread::JoinHandle;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use geodesy::Tile;
 use parking_lot::{Condvar, Mutex, RwLock};
@@ -359,18 +359,11 @@ impl TileCache {
     /// Waits until the generation is past `seen`, at most for `timeout`; returns the generation.
     #[must_use]
     pub fn wait_news(&self, seen: u64, timeout: Duration) -> u64 {
-        let deadline = Instant::now() + timeout;
         let mut state = self.shared.state.lock();
-        while self.generation() <= seen {
-            if self
-                .shared
-                .news
-                .wait_until(&mut state, deadline)
-                .timed_out()
-            {
-                break;
-            }
-        }
+        let is_waiting = |_: &mut State| self.generation() <= seen;
+        self.shared
+            .news
+            .wait_while_for(&mut state, is_waiting, timeout);
         self.generation()
     }
 
@@ -378,39 +371,25 @@ impl TileCache {
     /// then. False where something still is.
     #[must_use]
     pub fn finish(&self, timeout: Duration) -> bool {
-        let deadline = Instant::now() + timeout;
         let mut state = self.shared.state.lock();
         state.is_finished = true;
         state.queue.withdraw();
-        while state.queue.in_flight() > 0 {
-            if self
-                .shared
-                .news
-                .wait_until(&mut state, deadline)
-                .timed_out()
-            {
-                break;
-            }
-        }
-        state.queue.in_flight() == 0
+        let is_waiting = |state: &mut State| state.queue.in_flight() > 0;
+        self.shared
+            .news
+            .wait_while_for(&mut state, is_waiting, timeout);
+        !is_waiting(&mut state)
     }
 
     /// Waits until everything wished for has arrived or failed; false where `timeout` passed first.
     #[must_use]
     pub fn wait_idle(&self, timeout: Duration) -> bool {
-        let deadline = Instant::now() + timeout;
         let mut state = self.shared.state.lock();
-        while !state.queue.is_idle() {
-            if self
-                .shared
-                .news
-                .wait_until(&mut state, deadline)
-                .timed_out()
-            {
-                return state.queue.is_idle();
-            }
-        }
-        true
+        let is_waiting = |state: &mut State| !state.queue.is_idle();
+        self.shared
+            .news
+            .wait_while_for(&mut state, is_waiting, timeout);
+        !is_waiting(&mut state)
     }
 }
 
