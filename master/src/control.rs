@@ -19,6 +19,7 @@ use tokio::sync::watch;
 
 use self::api::Api;
 use crate::events::EventSender;
+use crate::master::OpenSurfaces;
 use crate::wall_file::WallFile;
 
 /// Where the control API is found unless told otherwise.
@@ -107,6 +108,8 @@ pub(crate) struct ControlContext {
     pub(crate) scene_directory: Option<PathBuf>,
     /// The wall's file, if it may be changed.
     pub(crate) wall_file: Option<WallFile>,
+    /// What a wall with other measures is made of.
+    pub(crate) open_surfaces: OpenSurfaces,
     pub(crate) events: EventSender,
 }
 
@@ -139,6 +142,7 @@ impl Control {
             options.token,
             context.scene_directory,
             context.wall_file,
+            context.open_surfaces,
         ));
         let (closed, closing) = watch::channel(false);
         let thread = std::thread::Builder::new()

@@ -116,9 +116,9 @@ impl Director {
         self.viewers = viewers;
     }
 
-    /// Shows the wall with other measures from the next frame on, as the next revision of it, which is returned. Heads that
-    /// rest do so at their new places.
-    pub(crate) fn measure(&mut self, wall: &Arc<Wall>) -> u32 {
+    /// Shows the wall with other measures, and the surfaces that they make, from the next frame on, as the next revision of
+    /// it, which is returned. Heads that rest do so at their new places.
+    pub(crate) fn measure(&mut self, wall: &Arc<Wall>, surfaces: Surfaces) -> u32 {
         let resting = self.wall.heads();
         let heads = self
             .viewers
@@ -127,9 +127,9 @@ impl Director {
             .zip(resting.iter().zip(wall.heads()));
         let heads = heads.map(|(now, (before, after))| if now == before { after } else { *now });
         let heads: Vec<Head> = heads.collect();
-        self.surfaces = self.surfaces.with_measures_of(wall);
+        self.viewers = surfaces.viewers(wall, heads);
+        self.surfaces = surfaces;
         self.wall = Arc::clone(wall);
-        self.viewers = self.surfaces.viewers(wall, heads);
         self.wall_revision += 1;
         self.wall_revision
     }

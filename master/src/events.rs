@@ -4,14 +4,14 @@
 use std::net::SocketAddr;
 use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
 
+use protocol::ToMaster;
 use protocol::capture::CapturedPicture;
 use protocol::message::Hello;
 use protocol::pattern::Pattern;
-use protocol::{ToMaster, Wall};
 use tokio::sync::oneshot;
 
 use crate::change::{Declined, Proposal, Snapshot};
-use crate::installation::{Installation, OutputPlace};
+use crate::installation::{AdjustedWall, Installation, OutputPlace};
 use crate::session::NodeLink;
 
 /// Number of a connection, never used again within a run.
@@ -56,10 +56,10 @@ pub(crate) enum Event {
     LookAtWall {
         reply: oneshot::Sender<Installation>,
     },
-    /// Somebody has measured the wall anew. The answer is the revision of its measures, or why it cannot have them.
+    /// Somebody has measured the wall anew. The answer is the revision of its measures.
     AdjustWall {
-        measures: Box<Wall>,
-        reply: oneshot::Sender<Result<u32, String>>,
+        adjusted: Box<AdjustedWall>,
+        reply: oneshot::Sender<u32>,
     },
     /// Somebody wants patterns on outputs, or on all where no place is named, one after the other.
     ShowPatterns {

@@ -4,6 +4,8 @@
 
 use std::fmt;
 
+use master::StartError;
+
 /// Exit status of a failure.
 pub(crate) const FAILED: u8 = 1;
 /// Exit status of wrong usage or configuration.
@@ -27,6 +29,14 @@ impl Failure {
     /// A wrong configuration with a message of its own.
     pub(crate) fn configuration(message: impl fmt::Display) -> Self {
         Self::Configuration(anyhow::Error::msg(message.to_string()))
+    }
+
+    /// A master that did not start: the files of its wall belong to its configuration.
+    pub(crate) fn of_start(error: StartError) -> Self {
+        match error {
+            StartError::Surfaces(_) => Self::Configuration(error.into()),
+            other => other.into(),
+        }
     }
 
     /// The error inside, for another failure to carry on.

@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use protocol::Wall;
 use protocol::pattern::Pattern;
+use protocol::wall::Surfaces;
 
 /// How the wall stands.
 #[derive(Clone, Debug)]
@@ -12,6 +13,13 @@ pub(crate) struct Installation {
     pub(crate) wall: Arc<Wall>,
     /// What each output of each host shows instead of the scene.
     pub(crate) patterns: Vec<Vec<Option<Pattern>>>,
+}
+
+/// The running wall with other measures, and what the files that it names make of them.
+#[derive(Debug)]
+pub(crate) struct AdjustedWall {
+    pub(crate) wall: Arc<Wall>,
+    pub(crate) surfaces: Surfaces,
 }
 
 /// An output of the wall.

@@ -22,6 +22,6 @@ mod wall_file;
 
 pub use capture::CapturedOutput;
 pub use control::{ControlError, ControlOptions, DEFAULT_CONTROL_ADDRESS};
-pub use master::{Master, MasterError, MasterOptions, MasterOutcome, StartError};
+pub use master::{Master, MasterError, MasterOptions, MasterOutcome, OpenSurfaces, StartError};
 pub use notice::Notice;
 pub use wall_file::WallFile;

@@ -26,12 +26,15 @@ use crate::server;
 use crate::session::Context;
 use crate::wall_file::WallFile;
 
+/// Reads the files that a wall names. Why it cannot is said in a sentence that names the file.
+pub type OpenSurfaces = Arc<dyn Fn(&Wall) -> Result<Surfaces, String> + Send + Sync>;
+
 /// What to run.
 pub struct MasterOptions {
     /// The wall.
     pub wall: Wall,
-    /// The surfaces of its screens.
-    pub surfaces: Surfaces,
+    /// Finds its surfaces, at the start and whenever it is measured anew.
+    pub open_surfaces: OpenSurfaces,
     /// The scene, with resolved repositories.
     pub scene: Scene,
     /// The cluster's identity.
@@ -72,14 +75,14 @@ impl MasterOptions {
     #[must_use]
     pub fn new(
         wall: Wall,
-        surfaces: Surfaces,
+        open_surfaces: OpenSurfaces,
         scene: Scene,
         identity: Identity,
         bind: SocketAddr,
     ) -> Self {
         Self {
             wall,
-            surfaces,
+            open_surfaces,
             scene,
             identity,
             bind,
@@ -113,6 +116,9 @@ pub struct MasterOutcome {
 /// Why a master could not start.
 #[derive(Debug, thiserror::Error)]
 pub enum StartError {
+    /// A file that the wall names cannot be read, or is not what it should be.
+    #[error("{0}")]
+    Surfaces(String),
     /// The address cannot be listened on.
     #[error(transparent)]
     Bind(#[from] BindError),
@@ -186,7 +192,7 @@ impl Master {
     pub fn start(options: MasterOptions) -> Result<Self, StartError> {
         let MasterOptions {
             mut wall,
-            surfaces,
+            open_surfaces,
             scene,
             identity,
             bind,
@@ -195,6 +201,7 @@ impl Master {
         if let Some(fps) = options.fps {
             wall.fps = fps;
         }
+        let surfaces = open_surfaces(&wall).map_err(StartError::Surfaces)?;
         let wall = Arc::new(wall);
         let director = Director::new(&wall, surfaces, scene)?;
         let runtime = tokio::runtime::Builder::new_current_thread()
@@ -210,6 +217,7 @@ impl Master {
             any_port: options.any_control_port,
             scene_directory: options.scene_directory,
             wall_file: options.wall_file,
+            open_surfaces,
             events: events.clone(),
         };
         let control = options

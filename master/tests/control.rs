@@ -12,6 +12,7 @@ mod http;
 mod members;
 
 use std::net::SocketAddr;
+use std::sync::Arc;
 
 use http::{get, patch, request};
 use link::Identity;
@@ -76,10 +77,11 @@ fn start_with(change: impl FnOnce(&mut MasterOptions)) -> Result<Running, StartE
         Wall::parse(WALL, "test").unwrap(),
         Scene::parse(SCENE, "test").unwrap(),
     );
-    let surfaces = Surfaces::load(&wall, |file, _| Err(file.to_owned())).unwrap();
+    let open_surfaces =
+        Arc::new(|wall: &Wall| Surfaces::load(wall, |file, _| Err(file.to_owned())));
     let mut options = MasterOptions::new(
         wall,
-        surfaces,
+        open_surfaces,
         scene,
         identity,
         "127.0.0.1:0".parse().unwrap(),

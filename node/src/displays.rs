@@ -9,7 +9,7 @@ mod map;
 use std::sync::Arc;
 
 use glam::{DMat3, DVec3};
-use protocol::wall::{Channel, Eye, Output, Screen, Sight, Stereo, Surfaces};
+use protocol::wall::{CalibratedChannel, Channel, Eye, Output, Screen, Sight, Stereo, Surfaces};
 use protocol::{View, Wall};
 use render::{
     ChannelPlan, ChannelSource, EyeView, OutputPlan, PixelRect, PlanarScreen, StereoMode,
@@ -49,7 +49,7 @@ impl Displays {
             let reason = format!("the wall has no host {host}");
             return Err(PictureError::Unavailable(reason));
         };
-        let surfaces = surfaces(wall)?;
+        let surfaces = shapes(wall)?;
         let mut displays = Self {
             wall: wall.clone(),
             eyes: Vec::new(),
@@ -95,11 +95,9 @@ impl Displays {
         surfaces: &Surfaces,
         pictures: &[(usize, Eye)],
     ) -> Result<Vec<ChannelPlan>, PictureError> {
-        let refuse = |reason: String| {
-            PictureError::Unavailable(format!("output \"{}\": {reason}", output.name))
-        };
+        let refuse = |reason| refusal(output, reason);
         let screen = self.wall.screens.get(channel.screen).cloned();
-        let screen = screen.ok_or_else(|| refuse("a channel has no screen".to_owned()))?;
+        let screen = screen.ok_or_else(|| refuse(NO_SCREEN.to_owned()))?;
         let light = light::of_channel(&screen, channel);
         let (light, mapped) =
             map::of_channel(&self.wall, &screen, channel, surfaces, light).map_err(refuse)?;
@@ -274,28 +272,40 @@ impl Displays {
 }
 
 /// The surfaces of a wall's screens, with the points of the files that it names.
-pub(crate) fn surfaces(wall: &Wall) -> Result<Surfaces, PictureError> {
+fn shapes(wall: &Wall) -> Result<Surfaces, PictureError> {
     Surfaces::load(wall, map::surface).map_err(PictureError::Unavailable)
 }
 
-/// Reads all files that a wall names, and what its calibrated channels show.
-pub(crate) fn check_files(wall: &Wall) -> Result<(), PictureError> {
-    let surfaces = surfaces(wall)?;
-    for output in wall.hosts.iter().flat_map(|host| &host.outputs) {
-        let calibrated = output
-            .channels
-            .iter()
-            .filter(|channel| channel.calibration.is_some());
-        for channel in calibrated {
-            let refuse = |reason: String| {
-                PictureError::Unavailable(format!("output \"{}\": {reason}", output.name))
-            };
-            let screen = wall.screens.get(channel.screen);
-            let screen = screen.ok_or_else(|| refuse("a channel has no screen".to_owned()))?;
-            map::of_channel(wall, screen, channel, &surfaces, None).map_err(refuse)?;
+/// The same with all calibrated channels.
+pub(crate) fn surfaces(wall: &Wall) -> Result<Surfaces, PictureError> {
+    let surfaces = shapes(wall)?;
+    let mut calibrated = Vec::new();
+    for (host, of_host) in wall.hosts.iter().enumerate() {
+        for (output, of_output) in of_host.outputs.iter().enumerate() {
+            for (channel, of_channel) in of_output.channels.iter().enumerate() {
+                let Some(named) = &of_channel.calibration else {
+                    continue;
+                };
+                let refuse = |reason| refusal(of_output, reason);
+                let screen = wall.screens.get(of_channel.screen);
+                let screen = screen.ok_or_else(|| refuse(NO_SCREEN.to_owned()))?;
+                let map = map::of_calibrated(wall, screen, of_channel, named, &surfaces);
+                calibrated.push(CalibratedChannel {
+                    host,
+                    output,
+                    channel,
+                    map: map.map_err(refuse)?,
+                });
+            }
         }
     }
-    Ok(())
+    Ok(surfaces.with_calibrated(calibrated))
+}
+
+const NO_SCREEN: &str = "a channel has no screen";
+
+fn refusal(output: &Output, reason: String) -> PictureError {
+    PictureError::Unavailable(format!("output \"{}\": {reason}", output.name))
 }
 
 /// The number of a thing in a list, to which it is added where it is not in it.

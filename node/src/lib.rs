@@ -69,20 +69,12 @@ pub struct NodeOptions {
     pub status: Arc<dyn Fn(&NodeStatus) + Send + Sync>,
 }
 
-/// The surfaces of a wall's screens, with the points of the files that it names.
-///
-/// # Errors
-/// A file that cannot be read, or is not what it should be. The text names it.
-pub fn surfaces(wall: &Wall) -> Result<Surfaces, PictureError> {
-    displays::surfaces(wall)
-}
-
-/// Reads all files that a wall names, calibrations included, as its hosts will when they draw.
+/// The surfaces of a wall's screens and its calibrated channels, out of all the files that it names.
 ///
 /// # Errors
 /// The first file that cannot be read, or is not what it should be. The text names it.
-pub fn check_files(wall: &Wall) -> Result<(), PictureError> {
-    displays::check_files(wall)
+pub fn surfaces(wall: &Wall) -> Result<Surfaces, PictureError> {
+    displays::surfaces(wall)
 }
 
 /// Who looks at a wall while nothing tracks anybody.

@@ -14,16 +14,18 @@ mod raw_output;
 mod raw_screen;
 mod raw_tracker;
 mod screen;
+mod surfaces;
 mod tracker;
 
 use serde::{Deserialize, Serialize};
 
 use crate::config::{ConfigError, Document, Problem};
 
-pub use geometry::{CanvasPiece, EyeToScreen, PixelDensity, Sight, Surfaces};
+pub use geometry::{CanvasPiece, EyeToScreen, PixelDensity, Sight};
 pub use observer::{Eye, Head, Observer, Viewers};
 pub use output::{Blend, Calibration, Channel, Host, Output, Rect, Stereo, WindowPlacement};
 pub use screen::{CylinderCanvas, PlanarCorners, Screen, ScreenShape, SphereCanvas};
+pub use surfaces::{CalibratedChannel, Surfaces};
 pub use tracker::{Axes, Body, Smoothing, Tracker, TrackerSource};
 
 /// Why a wall was refused.

@@ -99,12 +99,18 @@ impl Show {
 
     /// The composed wall, each output's picture, and the report.
     fn finish(self) -> (image::RgbImage, Value, tempfile::TempDir) {
-        let ran = self.running.wait();
-        assert_eq!(ran.code, Some(0), "{}", ran.stderr);
-        let at = |name: &str| self.folder.path().join(name);
+        let folder = self.end();
+        let at = |name: &str| folder.path().join(name);
         let report = std::fs::read_to_string(at("report.json")).unwrap();
         let wall = pictures::load(Path::new(&at("shot/wall.png")));
-        (wall, serde_json::from_str(&report).unwrap(), self.folder)
+        (wall, serde_json::from_str(&report).unwrap(), folder)
+    }
+
+    /// Waits for the end. Each output's picture is in the folder.
+    fn end(self) -> tempfile::TempDir {
+        let ran = self.running.wait();
+        assert_eq!(ran.code, Some(0), "{}", ran.stderr);
+        self.folder
     }
 }
 
@@ -166,6 +172,93 @@ fn a_wall_that_is_measured_anew_shows_what_one_of_these_measures_does() {
     // The file now says what was shown.
     let (again, _, _) = Show::start(&saved, 2).finish();
     assert_eq!(pictures::differing(&again, &started), 0);
+}
+
+/// Corners of a screen that is twice as wide.
+fn corners_m(half_width_m: f64) -> [[f64; 3]; 3] {
+    let (bottom, top) = (0.9, 0.9 + 0.75 * half_width_m);
+    [
+        [-half_width_m, bottom, 0.0],
+        [half_width_m, bottom, 0.0],
+        [-half_width_m, top, 0.0],
+    ]
+}
+
+/// The pair of projectors that an archive puts in place on such a screen, with few pixels.
+fn calibrated_pair(archive: &Path, half_width_m: f64) -> String {
+    let wall = tests::sources::root().join("configs/walls/pair-mpcdi.toml");
+    let text = std::fs::read_to_string(wall).unwrap();
+    let mut changed = text.clone();
+    let [bottom_left, bottom_right, top_left] = corners_m(half_width_m);
+    for (from, to) in [
+        ("[1280, 800]", "[160, 100]".to_owned()),
+        ("\"pair.mpcdi\"", format!("{archive:?}")),
+        (
+            "{ bottom_left = [-1.8, 0.9, 0.0], bottom_right = [1.8, 0.9, 0.0], top_left = [-1.8, 2.25, 0.0] }",
+            format!(
+                "{{ bottom_left = {bottom_left:?}, bottom_right = {bottom_right:?}, top_left = {top_left:?} }}"
+            ),
+        ),
+    ] {
+        assert!(changed.contains(from), "{from}");
+        changed = changed.replace(from, &to);
+    }
+    changed
+}
+
+/// Where pixels are that a calibration puts in place, and how much detail they need, is found anew with every measure. What
+/// cannot be read then is refused, and the wall shows what it did.
+#[test]
+fn a_calibrated_wall_that_is_measured_anew_has_the_detail_of_its_new_place() {
+    let _alone = command::alone();
+    if !data::driver() {
+        return;
+    }
+    let copied = tempfile::tempdir().unwrap();
+    let archive = copied.path().join("pair.mpcdi");
+    let shipped = tests::sources::root().join("configs/walls/pair.mpcdi");
+    std::fs::copy(shipped, &archive).unwrap();
+    let (wide, narrow) = (
+        calibrated_pair(&archive, 2.4),
+        calibrated_pair(&archive, 0.8),
+    );
+    let mut show = Show::start(&wide, 60);
+    let adjust = |half_width_m: f64| {
+        let [bottom_left, bottom_right, top_left] = corners_m(half_width_m);
+        let of = |corner: &str, at_m: [f64; 3]| {
+            let [x, y, z] = at_m;
+            format!(" screens.front.corners_m.{corner}=[{x:?},{y:?},{z:?}]")
+        };
+        [
+            "adjust".to_owned(),
+            of("bottom_left", bottom_left),
+            of("bottom_right", bottom_right),
+            of("top_left", top_left),
+        ]
+        .concat()
+    };
+    let ran = show.ask(&adjust(0.8));
+    assert_eq!(ran.code, Some(0), "{}", ran.stderr);
+    let aside = copied.path().join("aside.mpcdi");
+    std::fs::rename(&archive, &aside).unwrap();
+    let ran = show.ask(&adjust(1.2));
+    assert_eq!(ran.code, Some(2), "{}", ran.stderr);
+    assert!(ran.stderr.contains("pair.mpcdi"), "{}", ran.stderr);
+    std::fs::rename(&aside, &archive).unwrap();
+    let adjusted = show.end();
+    let started = Show::start(&narrow, 2).end();
+    let untouched = Show::start(&wide, 2).end();
+    for output in ["left", "right"] {
+        let picture = |folder: &tempfile::TempDir| {
+            pictures::load(&folder.path().join(format!("shot/projection-{output}.png")))
+        };
+        let started = picture(&started);
+        assert_eq!(pictures::differing(&picture(&adjusted), &started), 0);
+        assert!(
+            mean_difference(&picture(&untouched), &started) > 3.0,
+            "measures change nothing"
+        );
+    }
 }
 
 #[test]

@@ -24,7 +24,6 @@ use findings::{Findings, ScreenFindings};
 pub(crate) fn run(args: &Check) -> Result<(), Failure> {
     let wall = files::wall(&args.wall)?;
     let surfaces = node::surfaces(&wall).or_configuration()?;
-    node::check_files(&wall).or_configuration()?;
     let findings = Findings::new(&wall, &surfaces);
     if let Some(path) = &args.plan {
         output::file(path, plan::room_plan(&wall, &surfaces).as_bytes())?;

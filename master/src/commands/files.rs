@@ -3,9 +3,10 @@
 //! In: paths. Out: a wall or a scene, or a failure of configuration that names the file and what to do.
 
 use std::path::Path;
+use std::sync::Arc;
 
 use anyhow::Context as _;
-use master::WallFile;
+use master::{OpenSurfaces, WallFile};
 use protocol::{Scene, Wall};
 
 use crate::failure::{Failure, OrConfiguration as _};
@@ -21,6 +22,11 @@ pub(crate) fn wall(path: &Path) -> Result<Wall, Failure> {
         *named = directory.join(&*named).to_string_lossy().into_owned();
     }
     Ok(wall)
+}
+
+/// Reads the files that a wall names, as its hosts do.
+pub(crate) fn open_surfaces() -> OpenSurfaces {
+    Arc::new(|wall| node::surfaces(wall).map_err(|error| error.to_string()))
 }
 
 /// The same file, to be changed while the wall runs.

@@ -18,6 +18,7 @@ use crate::failure::{Failure, OrConfiguration as _};
 use crate::interrupt;
 
 use super::control::Opening;
+use super::files;
 use super::notices::Teller;
 use super::pictures;
 
@@ -85,7 +86,7 @@ pub(crate) fn run(
     let bind = SocketAddr::from((Ipv4Addr::LOCALHOST, 0));
     let mut options = MasterOptions::new(
         wall.clone(),
-        node::surfaces(wall)?,
+        files::open_surfaces(),
         scene.clone(),
         identity,
         bind,
@@ -100,7 +101,7 @@ pub(crate) fn run(
             .opening
             .put_into(&mut options, control.scene_file, wall_file)?;
     }
-    let master = Master::start(options)?;
+    let master = Master::start(options).map_err(Failure::of_start)?;
     if let Some(control) = &control {
         control.opening.announce(&master);
     }

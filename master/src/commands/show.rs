@@ -69,7 +69,7 @@ pub(crate) fn master(args: &Master) -> Result<(), Failure> {
     }
     let mut options = MasterOptions::new(
         wall.clone(),
-        node::surfaces(&wall)?,
+        files::open_surfaces(),
         scene,
         identity,
         args.listen,
@@ -82,7 +82,7 @@ pub(crate) fn master(args: &Master) -> Result<(), Failure> {
     options.start_timeout = None;
     let opening = Opening::new(&show.control)?;
     opening.put_into(&mut options, &show.scene, files::wall_file(&show.wall)?)?;
-    let master = RunningMaster::start(options)?;
+    let master = RunningMaster::start(options).map_err(Failure::of_start)?;
     eprintln!(
         "terrawall: the master of \"{}\" listens at {}",
         wall.name,

@@ -26,6 +26,7 @@ use super::refusal::{Refusal, respond};
 use super::{guard, installation};
 use crate::change::{Declined, Proposal, Snapshot};
 use crate::events::{Event, EventSender};
+use crate::master::OpenSurfaces;
 use crate::wall_file::WallFile;
 
 /// Longest body of a request, in bytes.
@@ -46,6 +47,7 @@ pub(super) struct Api {
     scene_directory: Option<PathBuf>,
     /// The wall's file, while it may be changed.
     pub(super) wall_file: Mutex<Option<WallFile>>,
+    pub(super) open_surfaces: OpenSurfaces,
     /// Changes are made one after the other, so that they only race with pointers.
     turn: Mutex<()>,
 }
@@ -56,12 +58,14 @@ impl Api {
         token: Option<String>,
         scene_directory: Option<PathBuf>,
         wall_file: Option<WallFile>,
+        open_surfaces: OpenSurfaces,
     ) -> Self {
         Self {
             events,
             token,
             scene_directory,
             wall_file: Mutex::new(wall_file),
+            open_surfaces,
             turn: Mutex::new(()),
         }
     }

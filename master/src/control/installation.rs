@@ -8,6 +8,7 @@ use axum::body::Body;
 use axum::extract::State;
 use axum::http::{HeaderMap, StatusCode};
 use axum::response::Response;
+use protocol::Wall;
 use protocol::pattern::Pattern;
 use serde_json::{Map, Value, json};
 
@@ -15,7 +16,7 @@ use super::api::{Api, check_type, collect};
 use super::json;
 use super::refusal::{Refusal, respond};
 use crate::events::Event;
-use crate::installation::Installation;
+use crate::installation::{AdjustedWall, Installation};
 use crate::wall_file::WallFile;
 
 /// `GET /api/wall`
@@ -35,17 +36,34 @@ pub(super) async fn change_wall(
     let (changed, measures) = of_file(file.as_ref())?.patched(&patch).map_err(|error| {
         Refusal::new(StatusCode::UNPROCESSABLE_ENTITY, error.to_string()).at(&error.path)
     })?;
-    let measures = Box::new(measures);
-    let adjusted = api
-        .ask(|reply| Event::AdjustWall { measures, reply })
+    // Nobody else measures the wall while its file is held.
+    let adjusted = adjusted(&api, measures).await?;
+    let revision = api
+        .ask(|reply| Event::AdjustWall { adjusted, reply })
         .await?;
-    let revision =
-        adjusted.map_err(|reason| Refusal::new(StatusCode::UNPROCESSABLE_ENTITY, reason))?;
     *file = Some(changed);
     Ok(respond(
         StatusCode::OK,
         &json!({ "wall_revision": revision }),
     ))
+}
+
+/// The running wall with other measures, and what its files make of them: read here, so that no frame waits for a disk.
+async fn adjusted(api: &Api, measures: Wall) -> Result<Box<AdjustedWall>, Refusal> {
+    let refuse = |reason| Refusal::new(StatusCode::UNPROCESSABLE_ENTITY, reason);
+    let installation = api.ask(|reply| Event::LookAtWall { reply }).await?;
+    let wall = installation.wall.with_measures_of(&measures);
+    let wall = Arc::new(wall.map_err(|error| refuse(error.to_string()))?);
+    let (open, of_wall) = (Arc::clone(&api.open_surfaces), Arc::clone(&wall));
+    let opened = tokio::task::spawn_blocking(move || open(&of_wall)).await;
+    let surfaces = opened.map_err(|_panicked| {
+        let reason = "the files of the wall cannot be read by a defect of the program";
+        Refusal::new(StatusCode::INTERNAL_SERVER_ERROR, reason)
+    })?;
+    Ok(Box::new(AdjustedWall {
+        wall,
+        surfaces: surfaces.map_err(refuse)?,
+    }))
 }
 
 /// `POST /api/wall/save`

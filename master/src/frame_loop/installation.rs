@@ -3,12 +3,12 @@
 
 use std::sync::Arc;
 
+use protocol::ToNode;
 use protocol::codec::encode_to_node;
 use protocol::pattern::Pattern;
-use protocol::{ToNode, Wall};
 
 use super::FrameLoop;
-use crate::installation::{Installation, OutputPlace};
+use crate::installation::{AdjustedWall, Installation, OutputPlace};
 use crate::session::Bytes;
 
 impl FrameLoop {
@@ -20,20 +20,16 @@ impl FrameLoop {
         }
     }
 
-    /// Shows the wall with the measures of another from the next frame on; its revision.
-    pub(super) fn adjust(&mut self, measures: &Wall) -> Result<u32, String> {
-        let wall = self
-            .wall
-            .with_measures_of(measures)
-            .map_err(|error| error.to_string())?;
-        let wall = Arc::new(wall);
-        let revision = self.director.measure(&wall);
+    /// Shows the wall with other measures from the next frame on; their revision.
+    pub(super) fn adjust(&mut self, adjusted: AdjustedWall) -> u32 {
+        let AdjustedWall { wall, surfaces } = adjusted;
+        let revision = self.director.measure(&wall, surfaces);
         self.wall = wall;
         self.wall_revision = revision;
         if let Some(message) = self.wall_message() {
             self.tell_all(&message);
         }
-        Ok(revision)
+        revision
     }
 
     /// Shows a pattern on one output, or on all; without a pattern the scene.

@@ -85,8 +85,8 @@ impl FrameLoop {
             Event::LookAtWall { reply } => {
                 let _unheard = reply.send(self.installation());
             }
-            Event::AdjustWall { measures, reply } => {
-                let _unheard = reply.send(self.adjust(&measures));
+            Event::AdjustWall { adjusted, reply } => {
+                let _unheard = reply.send(self.adjust(*adjusted));
             }
             Event::ShowPatterns { wishes, reply } => {
                 for (place, pattern) in wishes {

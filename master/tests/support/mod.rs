@@ -302,8 +302,9 @@ pub(crate) fn be_a_master() {
 pub(crate) fn options(wall: Wall, identity: &Path) -> MasterOptions {
     let identity = Identity::load(identity).unwrap();
     let bind = "127.0.0.1:0".parse().unwrap();
-    let surfaces = Surfaces::load(&wall, |file, _| Err(file.to_owned())).unwrap();
-    let mut options = MasterOptions::new(wall, surfaces, scene(), identity, bind);
+    let open_surfaces =
+        Arc::new(|wall: &Wall| Surfaces::load(wall, |file, _| Err(file.to_owned())));
+    let mut options = MasterOptions::new(wall, open_surfaces, scene(), identity, bind);
     options.start_timeout = Some(Duration::from_secs(20));
     options.capture_timeout = Duration::from_secs(20);
     options

@@ -62,9 +62,7 @@ pub(super) fn of_channel(
     surfaces: &Surfaces,
     ramps: Option<LightMap>,
 ) -> Result<(Option<Arc<LightMap>>, Option<Mapped>), String> {
-    let Some(shape) = surfaces.shape(channel.screen) else {
-        return Err(format!("screen \"{}\" has no surface", screen.name));
-    };
+    let shape = shape_of(screen, channel, surfaces)?;
     let Some(named) = &channel.calibration else {
         let light = ramps.map(Arc::new);
         if matches!(screen.shape, ScreenShape::Planar(_)) {
@@ -77,21 +75,37 @@ pub(super) fn of_channel(
     };
     let region = region_of(named, channel.size_px)?;
     let refuse = |reason: String| format!("{}: {reason}", named.file);
-    let head_m = wall
-        .observers
-        .get(screen.observer)
-        .map_or(DVec3::ZERO, |observer| DVec3::from(observer.head_m));
-    let calibrated = Calibrated {
-        screen,
-        channel,
-        shape,
-        head_m,
-        region: &region,
-    };
+    let calibrated = Calibrated::new(wall, screen, channel, shape, &region);
     let point_of = calibrated.point_of().map_err(refuse)?;
     let light = light::calibrated(&region, channel.size_px, ramps).map(Arc::new);
     let mapped = mapped(channel.size_px, &*point_of).map_err(refuse)?;
     Ok((light, Some(mapped)))
+}
+
+/// Where the pixels of a channel fall by the calibration file that it names.
+pub(super) fn of_calibrated(
+    wall: &Wall,
+    screen: &Screen,
+    channel: &Channel,
+    named: &Calibration,
+    surfaces: &Surfaces,
+) -> Result<Arc<SampledMap>, String> {
+    let shape = shape_of(screen, channel, surfaces)?;
+    let region = region_of(named, channel.size_px)?;
+    let calibrated = Calibrated::new(wall, screen, channel, shape, &region);
+    calibrated
+        .point_of()
+        .and_then(|point_of| sampled(channel.size_px, &*point_of))
+        .map_err(|reason| format!("{}: {reason}", named.file))
+}
+
+fn shape_of<'s>(
+    screen: &Screen,
+    channel: &Channel,
+    surfaces: &'s Surfaces,
+) -> Result<&'s Shape, String> {
+    let shape = surfaces.shape(channel.screen);
+    shape.ok_or_else(|| format!("screen \"{}\" has no surface", screen.name))
 }
 
 /// The region of a calibration file that a channel names. Its picture must have the channel's shape; it may have
@@ -157,6 +171,23 @@ struct Calibrated<'a> {
 }
 
 impl<'a> Calibrated<'a> {
+    fn new(
+        wall: &Wall,
+        screen: &'a Screen,
+        channel: &'a Channel,
+        shape: &'a Shape,
+        region: &'a Region,
+    ) -> Self {
+        let observer = wall.observers.get(screen.observer);
+        Self {
+            screen,
+            channel,
+            shape,
+            head_m: observer.map_or(DVec3::ZERO, |observer| DVec3::from(observer.head_m)),
+            region,
+        }
+    }
+
     /// From pixels of the channel to room points.
     fn point_of(&self) -> Result<Box<PointOf<'a>>, String> {
         let [width, height] = self.channel.size_px.map(f64::from);
@@ -245,6 +276,7 @@ fn ray_of(frustum: &Frustum) -> impl Fn(f64, f64) -> DVec3 + use<> {
 }
 
 fn mapped(size_px: [u32; 2], point_of: &PointOf<'_>) -> Result<Mapped, String> {
+    let sampled = sampled(size_px, point_of)?;
     let [width, height] = size_px;
     let centre = |pixel: u32| f64::from(pixel) + 0.5;
     let points_m: Vec<[f32; 3]> = (0..height)
@@ -253,13 +285,17 @@ fn mapped(size_px: [u32; 2], point_of: &PointOf<'_>) -> Result<Mapped, String> {
             point_of(centre(x), centre(y)).map_or([f32::NAN; 3], |point| point.as_vec3().to_array())
         })
         .collect();
-    if points_m.iter().all(|[x, ..]| x.is_nan()) {
-        return Err("no pixel of the channel lights any point of its screen".to_owned());
-    }
+    Ok((Arc::new(WarpMap { size_px, points_m }), sampled))
+}
+
+fn sampled(size_px: [u32; 2], point_of: &PointOf<'_>) -> Result<Arc<SampledMap>, String> {
+    let [width, height] = size_px;
     let sampled = SampledMap::new(point_of, size_px)
         .ok_or_else(|| format!("a channel of {width}×{height} pixels cannot be warped"))?;
-    let map = WarpMap { size_px, points_m };
-    Ok((Arc::new(map), Arc::new(sampled)))
+    if sampled.is_empty() {
+        return Err("no pixel of the channel lights any point of its screen".to_owned());
+    }
+    Ok(Arc::new(sampled))
 }
 
 #[cfg(test)]

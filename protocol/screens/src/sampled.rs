@@ -97,9 +97,20 @@ impl SampledMap {
         self.size_px
     }
 
+    /// Whether no pixel shows anything.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.rim.is_empty() && self.samples.iter().all(|sample| sample.point_m.is_nan())
+    }
+
+    /// A sample that is lit.
+    pub(crate) fn sample_at(&self, column: usize, row: usize) -> Option<&Sample> {
+        let sample = self.samples.get(row * self.columns_px.len() + column);
+        sample.filter(|sample| !sample.point_m.is_nan())
+    }
+
     fn point(&self, column: usize, row: usize) -> Option<DVec3> {
-        let sample = self.samples.get(row * self.columns_px.len() + column)?;
-        Some(sample.point_m).filter(|point| !point.is_nan())
+        Some(self.sample_at(column, row)?.point_m)
     }
 
     /// The chord between two points of a curve is off it by an eighth of the second difference; across a cell, both add up.
@@ -305,6 +316,20 @@ mod tests {
         }
         let sampled = SampledMap::new(&map, [1, 1]).unwrap();
         assert_eq!(sampled.size_px(), [1, 1]);
-        assert!(sampled.rim.is_empty());
+        assert!(sampled.rim.is_empty() && !sampled.is_empty());
+    }
+
+    #[test]
+    fn a_map_is_empty_if_not_a_single_pixel_shows_anything() {
+        let lone = |x: f64, y: f64| {
+            let is_there = (100.0..101.0).contains(&x) && (77.0..78.0).contains(&y);
+            is_there.then_some(DVec3::new(x, -y, -1.0))
+        };
+        assert!(
+            SampledMap::new(&|_, _| None, [640, 480])
+                .unwrap()
+                .is_empty()
+        );
+        assert!(!SampledMap::new(&lone, [640, 480]).unwrap().is_empty());
     }
 }

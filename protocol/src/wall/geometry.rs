@@ -7,7 +7,7 @@ use screens::Shape;
 
 use super::{
     Channel, CylinderCanvas, Eye, Head, Output, PlanarCorners, Rect, Screen, ScreenShape,
-    SphereCanvas, Stereo, Viewers, Wall,
+    SphereCanvas, Stereo, Wall,
 };
 
 /// A screen as seen from a head: what an off-axis frustum is made of. All vectors in room axes.
@@ -201,82 +201,15 @@ impl Screen {
     }
 }
 
-fn of_surface(shape: &Shape, size_px: [u32; 2], eye_m: [f64; 3]) -> Option<PixelDensity> {
+pub(super) fn of_surface(
+    shape: &Shape,
+    size_px: [u32; 2],
+    eye_m: [f64; 3],
+) -> Option<PixelDensity> {
     screens::pixel_density(shape, size_px, DVec3::from(eye_m)).map(|density| PixelDensity {
         sparsest: density.sparsest,
         densest: density.densest,
     })
-}
-
-/// The surfaces of a wall's screens, with what their files say.
-#[derive(Clone, Debug)]
-pub struct Surfaces {
-    shapes: Vec<Option<Shape>>,
-}
-
-impl Surfaces {
-    /// All surfaces. `load` reads the points of a file whose unit is so many metres.
-    ///
-    /// # Errors
-    /// What `load` fails with.
-    pub fn load<E>(
-        wall: &Wall,
-        mut load: impl FnMut(&str, f64) -> Result<screens::Points, E>,
-    ) -> Result<Self, E> {
-        let mut shapes = Vec::with_capacity(wall.screens.len());
-        for screen in &wall.screens {
-            shapes.push(match (screen.shape.smooth(), &screen.shape) {
-                (None, ScreenShape::Surface { file, unit_m }) => {
-                    Some(Shape::Points(load(file, *unit_m)?))
-                }
-                (smooth, _) => smooth,
-            });
-        }
-        Ok(Self { shapes })
-    }
-
-    /// The surfaces of the same wall with other measures: points of files stay.
-    #[must_use]
-    pub fn with_measures_of(&self, wall: &Wall) -> Self {
-        let known = self.shapes.iter().cloned();
-        let shapes = wall.screens.iter().zip(known);
-        Self {
-            shapes: shapes
-                .map(|(screen, known)| screen.shape.smooth().or(known))
-                .collect(),
-        }
-    }
-
-    /// The surface of a screen, by its index into [`Wall::screens`].
-    #[must_use]
-    pub fn shape(&self, screen: usize) -> Option<&Shape> {
-        self.shapes.get(screen)?.as_ref()
-    }
-
-    /// The viewers of a wall with these heads.
-    #[must_use]
-    pub fn viewers(&self, wall: &Wall, heads: Vec<Head>) -> Viewers {
-        // Where nobody sees anything, any number will do.
-        let pixels_per_radian = self.pixels_per_radian_from(wall, &heads).max(1.0);
-        Viewers {
-            heads,
-            pixels_per_radian,
-        }
-    }
-
-    /// As [`Wall::pixels_per_radian_from`], with the screens that files describe.
-    #[must_use]
-    pub fn pixels_per_radian_from(&self, wall: &Wall, heads: &[Head]) -> f64 {
-        let of_files = wall.sights().into_iter().filter_map(|sight| {
-            let screen = wall.screens.get(sight.screen)?;
-            let shape = self.shape(sight.screen)?;
-            let eye_m = wall.eye_m(sight, heads);
-            matches!(screen.shape, ScreenShape::Surface { .. })
-                .then(|| of_surface(shape, screen.size_px, eye_m))?
-        });
-        let densest = of_files.map(|density| density.densest);
-        densest.fold(wall.pixels_per_radian_from(heads), f64::max)
-    }
 }
 
 /// A screen and an eye that it is drawn for.
@@ -323,7 +256,8 @@ impl Wall {
     }
 
     /// As [`Wall::pixels_per_radian`], for tracked heads in the order of the observers. Eyes without a
-    /// view of their screen do not count, nor do screens that files describe: see [`Surfaces`].
+    /// view of their screen do not count, nor do screens that files describe, and calibrated channels count as
+    /// their canvas: see [`super::Surfaces`].
     #[must_use]
     pub fn pixels_per_radian_from(&self, heads: &[Head]) -> f64 {
         let density = |sight: Sight| {
@@ -365,15 +299,19 @@ impl Wall {
 impl Output {
     /// The screens that it shows, and for which eyes.
     pub fn sights(&self) -> impl Iterator<Item = Sight> {
-        let both = self.stereo != Stereo::Off;
-        self.channels.iter().flat_map(move |channel| {
-            let eyes = if both {
-                vec![Eye::Left, Eye::Right]
-            } else {
-                vec![channel.eye]
-            };
-            let screen = channel.screen;
-            eyes.into_iter().map(move |eye| Sight { screen, eye })
-        })
+        self.channels
+            .iter()
+            .flat_map(|channel| self.sights_of(channel))
+    }
+
+    /// For which eyes one of its channels shows its screen.
+    pub fn sights_of(&self, channel: &Channel) -> impl Iterator<Item = Sight> + use<> {
+        let eyes = if self.stereo == Stereo::Off {
+            vec![channel.eye]
+        } else {
+            vec![Eye::Left, Eye::Right]
+        };
+        let screen = channel.screen;
+        eyes.into_iter().map(move |eye| Sight { screen, eye })
     }
 }

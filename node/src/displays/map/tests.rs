@@ -73,7 +73,7 @@ fn wall(screen: &str, shown: &Shown<'_>, folder: &Path) -> Wall {
 
 /// Opens the wall's only host.
 fn open(wall: &Wall) -> (Displays, OutputPlan) {
-    super::super::check_files(wall).unwrap();
+    super::super::surfaces(wall).unwrap();
     let (displays, mut plans) = Displays::open(wall, 0, 8192).unwrap();
     (displays, plans.pop().unwrap())
 }
@@ -116,6 +116,8 @@ fn view(head_m: [f64; 3]) -> View {
 struct Found {
     compared: usize,
     worst_px: f64,
+    /// The most pixels to a radian that each head finds.
+    densest: [f64; HEADS_M.len()],
 }
 
 /// Every pixel of the channel, seen from every head: its direction is that of `truth`, and what the node draws for it holds
@@ -131,8 +133,9 @@ fn compare(
     let mut found = Found {
         compared: 0,
         worst_px: 0.0,
+        densest: [0.0; HEADS_M.len()],
     };
-    for head_m in HEADS_M {
+    for (head_m, densest) in HEADS_M.into_iter().zip(&mut found.densest) {
         let drawn = displays.view_point(&view(head_m));
         let eye_m = DVec3::from(head_m);
         for (x, y) in (0..SIZE_PX[1]).flat_map(|y| (0..SIZE_PX[0]).map(move |x| (x, y))) {
@@ -155,6 +158,7 @@ fn compare(
             let pixel = pixel.into_iter().fold(f64::INFINITY, f64::min);
             let off_px = (lit - eye_m).normalize().distance(here) / pixel;
             found.worst_px = found.worst_px.max(off_px);
+            *densest = densest.max(narrowest(right - left, down - up).recip());
             found.compared += 1;
             let part = drawn.warps[0]
                 .iter()
@@ -184,6 +188,38 @@ fn compare(
     found
 }
 
+/// The narrowest radius in radians of a pixel that is an ellipse: the smaller singular value, by central differences over two
+/// pixels to the right and two down.
+fn narrowest(across: DVec3, along: DVec3) -> f64 {
+    let (a, b, both) = (
+        across.length_squared(),
+        along.length_squared(),
+        across.dot(along),
+    );
+    let least_squared = 0.5 * (a + b - ((a - b).powi(2) + 4.0 * both * both).sqrt());
+    0.5 * least_squared.sqrt()
+}
+
+/// How dense the wall's pixels are is what detail follows: of calibrated channels neither less than the densest pixel, nor much
+/// more, whatever their canvas has.
+fn check_densities(what: &str, wall: &Wall, found: &Found) {
+    let surfaces = super::super::surfaces(wall).unwrap();
+    let is_calibrated = wall.hosts[0].outputs[0].channels[0].calibration.is_some();
+    assert_eq!(surfaces.calibrated().len(), usize::from(is_calibrated));
+    for (head_m, densest) in HEADS_M.into_iter().zip(found.densest) {
+        let heads = view(head_m).viewers.heads;
+        let said = surfaces.pixels_per_radian_from(wall, &heads);
+        assert!(
+            said > 0.995 * densest,
+            "{what}: {said} pixels to a radian from {head_m:?}, but one pixel has {densest}"
+        );
+        assert!(
+            said < 1.1 * densest || !is_calibrated,
+            "{what}: {said} pixels to a radian from {head_m:?}, but no pixel has more than {densest}"
+        );
+    }
+}
+
 /// A file of a known projector, in a channel of a known screen: half of the pixels or more are compared, and none is off.
 fn check(
     what: &str,
@@ -206,6 +242,7 @@ fn check(
         "{what}: off by {} pixels",
         found.worst_px
     );
+    check_densities(what, &wall, &found);
     // A bar that any mistake of half a pixel would break: the same with a truth of half a pixel beside.
     let beside = compare(&displays, &plan, &|x, y| truth(x + 0.5, y));
     assert!(

@@ -252,7 +252,7 @@ fn a_channel_may_have_another_size_than_its_region_but_not_another_shape() {
         keys: &keys,
     };
     let wall = wall(&setting.surface.screen(), &shown, folder.path());
-    let refused = super::super::super::check_files(&wall).unwrap_err();
+    let refused = super::super::super::surfaces(&wall).unwrap_err();
     assert!(
         refused.to_string().contains("size_px = [192, 120]"),
         "{refused}"
@@ -275,7 +275,7 @@ fn points_from_a_centre_of_mass_are_refused() {
         keys: &keys,
     };
     let wall = wall(&Surface::Plane.screen(), &shown, folder.path());
-    let refused = super::super::super::check_files(&wall).unwrap_err();
+    let refused = super::super::super::surfaces(&wall).unwrap_err();
     assert!(refused.to_string().contains("centre of mass"), "{refused}");
 }
 
