@@ -2,6 +2,7 @@
 //!
 //! In: a validated wall and its surfaces. Out: the text of one SVG file. It must not judge the wall.
 
+mod channels;
 mod colour;
 pub(crate) mod face;
 mod labels;

@@ -146,6 +146,28 @@ fn screens_are_told_of_in_figures() {
 }
 
 #[test]
+fn calibrated_channels_are_told_of_where_they_fall() {
+    let file = walls().join("pair-mpcdi.toml");
+    let pair: Value = serde_json::from_str(&check(&file, &["--json"])).unwrap();
+    let channels = pair["calibrated"].as_array().unwrap();
+    let named: Vec<&str> = channels
+        .iter()
+        .map(|channel| channel["output"].as_str().unwrap())
+        .collect();
+    assert_eq!(named, ["projection/left", "projection/right"]);
+    let densest = |of: &Value| of["pixels_per_radian"]["densest"].as_f64().unwrap();
+    let most = channels.iter().map(densest).fold(0.0, f64::max);
+    // The canvas has as many rows for as much height, but each projector stands askew and shows a little more.
+    let canvas = densest(&pair["screens"][0]);
+    assert!(most > canvas && most < 1.1 * canvas, "{most} {canvas}");
+    assert_eq!(pair["pixels_per_radian"].as_f64(), Some(most));
+    let said = check(&file, &[]);
+    let words =
+        "output projection/left: 1280×800 pixels on screen front by pair.mpcdi, region left, ";
+    assert!(said.contains(words), "{said}");
+}
+
+#[test]
 fn the_text_names_kinds_sizes_and_eyes() {
     let said = check(&walls().join("vrlab-siegen.toml"), &[]);
     for words in [

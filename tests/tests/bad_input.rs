@@ -293,6 +293,42 @@ fn wrong_calibration_files_are_named_with_a_remedy() {
     }
 }
 
+/// Calibrations that can be read, and yet do not belong to their screen: the left one has points of the room, the right one
+/// places on the canvas.
+#[test]
+fn calibrations_that_light_something_else_than_their_screen_are_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let wall = tests::viewer::made::calibrated_cylinder(folder.path()).to_string();
+    let odd = |changes: &[(&str, &str)]| {
+        let mut wall = wall.clone();
+        for (from, to) in changes {
+            assert!(wall.contains(from), "{from} is not in\n{wall}");
+            wall = wall.replace(from, to);
+        }
+        let ran = check(folder.path(), &wall);
+        assert_eq!(ran.code, Some(0), "{}", ran.stderr);
+        let lines = ran.stdout.lines().filter(|line| line.contains("odd: "));
+        lines.map(str::to_owned).collect::<Vec<String>>()
+    };
+    assert_eq!(odd(&[]), Vec::<String>::new());
+    // The screen elsewhere, and then the head with it, so that it sees the points from behind.
+    let foot = "foot_m = [0.0, 0.0, 0.0]";
+    let moved = odd(&[(foot, "foot_m = [0.0, 0.0, -0.6]")]);
+    let behind = odd(&[
+        (foot, "foot_m = [0.0, 0.0, -5.0]"),
+        ("head_m = [0.0, 1.6, 0.0]", "head_m = [0.0, 1.6, -5.0]"),
+    ]);
+    let astray = "what output \"projection/left\" lights is";
+    let unseen = "of what output \"projection/left\" lights from the front";
+    for (said, sentences) in [(&moved, &[astray][..]), (&behind, &[astray, unseen])] {
+        for sentence in sentences {
+            let named = said.iter().filter(|line| line.contains(sentence));
+            assert_eq!(named.count(), 1, "{said:#?}");
+        }
+        assert!(!said.iter().any(|line| line.contains("right")), "{said:#?}");
+    }
+}
+
 /// Screens, eyes and trackers that make no sense.
 #[test]
 fn wrong_rooms_are_named_with_a_remedy() {

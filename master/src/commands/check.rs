@@ -3,6 +3,7 @@
 //! In: a wall file and the files that it names. Out: what it describes, what is legal but odd, and a plan of the room. A
 //! wall that is wrong fails with the place in the file. It must not start anything.
 
+mod calibrated;
 mod canvases;
 mod eyes;
 mod findings;
@@ -18,7 +19,8 @@ use crate::failure::{Failure, OrConfiguration as _};
 use crate::{output, plan};
 
 use super::files;
-use findings::{Findings, ScreenFindings};
+use calibrated::ChannelFindings;
+use findings::{Findings, Range, ScreenFindings};
 
 /// Validates a wall.
 pub(crate) fn run(args: &Check) -> Result<(), Failure> {
@@ -43,6 +45,9 @@ pub(crate) fn run(args: &Check) -> Result<(), Failure> {
     for screen in &findings.screens {
         output::line(sentence(screen))?;
     }
+    for channel in &findings.calibrated {
+        output::line(of_channel(channel))?;
+    }
     for warning in &findings.warnings {
         output::line(format!("  odd: {warning}"))?;
     }
@@ -57,14 +62,31 @@ fn counted(count: usize, thing: &str) -> String {
     format!("{count} {thing}{}", if count == 1 { "" } else { "s" })
 }
 
-fn sentence(screen: &ScreenFindings) -> String {
-    let density = match &screen.pixels_per_radian {
-        Some(range) => format!(
+fn densities(range: Option<&Range>) -> String {
+    range.map_or("not seen from the front".to_owned(), |range| {
+        format!(
             "{:.0}…{:.0} pixels to a radian",
             range.sparsest, range.densest
-        ),
-        None => "not seen from the front".to_owned(),
-    };
+        )
+    })
+}
+
+fn of_channel(channel: &ChannelFindings) -> String {
+    let region = channel.region.as_ref();
+    format!(
+        "  output {}: {}×{} pixels on screen {} by {}{}, {}",
+        channel.output,
+        channel.size_px[0],
+        channel.size_px[1],
+        channel.screen,
+        channel.calibration,
+        region.map_or(String::new(), |region| format!(", region {region}")),
+        densities(channel.pixels_per_radian.as_ref())
+    )
+}
+
+fn sentence(screen: &ScreenFindings) -> String {
+    let density = densities(screen.pixels_per_radian.as_ref());
     let shown = &screen.outputs;
     let shown = [
         (shown.centre, "both eyes at once"),

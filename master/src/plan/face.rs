@@ -17,8 +17,6 @@ const EDGE_STEPS: u32 = 48;
 const SLOPE_SHARE: f64 = 1e-4;
 /// The same on points: less than this is within one flat cell.
 const POINTS_SLOPE_SHARE: f64 = 1.0 / 512.0;
-/// The least cosine of the angle between a line of sight and the normal at which a pixel is seen.
-const GRAZING_COSINE: f64 = 0.02;
 /// How far slopes of a fisheye are taken from its middle at most, so that its circle has a slope.
 const FISHEYE_REACH: f64 = 0.999;
 
@@ -261,17 +259,7 @@ impl<'a> Face<'a> {
                 - self.shape.point_m(before[0], before[1])?;
             Some(moved / ((after[axis] - before[axis]) * f64::from(size_px[axis])))
         };
-        let (per_x, per_y) = (slope(0)?, slope(1)?);
-        let from_head = point_m - head_m;
-        let away = per_x.cross(per_y);
-        let deep = away.dot(from_head);
-        let distance = from_head.length();
-        if deep <= GRAZING_COSINE * away.length() * distance {
-            return None;
-        }
-        // The area of a pixel across the line of sight, over the distance squared.
-        let steradians = deep / distance.powi(3);
-        Some(steradians.sqrt().recip()).filter(|density| density.is_finite())
+        screens::pixels_per_radian(point_m - head_m, slope(0)?, slope(1)?)
     }
 }
 

@@ -11,8 +11,8 @@ use crate::plot::escape;
 
 /// Width of the legend.
 pub(super) const WIDTH: f64 = 440.0;
-/// Screens that are listed at most.
-const MOST_SCREENS: usize = 20;
+/// Screens and calibrated channels that are listed at most.
+const MOST_ROWS: usize = 24;
 /// From line to line.
 const LINE: f64 = 15.0;
 /// Columns of the list.
@@ -95,12 +95,12 @@ impl Legend {
 
     fn screens(&mut self, room: &Room<'_>) {
         let grey = "fill=\"#555\"";
-        self.text(NAME, grey, "screen");
+        self.text(NAME, grey, "screen, calibrated output");
         self.text(PIXELS, "fill=\"#555\" text-anchor=\"end\"", "pixels");
         self.text(
             DENSEST,
             "fill=\"#555\" text-anchor=\"end\"",
-            "pixels to a radian: sparsest … densest",
+            "to a radian: sparsest … densest",
         );
         self.height += 4.0;
         let _ = writeln!(
@@ -109,19 +109,27 @@ impl Legend {
             self.height
         );
         self.height += LINE - 2.0;
-        for drawn in room.screens.iter().take(MOST_SCREENS) {
-            let [width, height] = drawn.screen.size_px;
-            let name = &drawn.screen.name;
+        let bold = "font-weight=\"bold\"";
+        let rows = room.screens.iter().flat_map(|drawn| {
+            let screen = drawn.screen;
+            let of_screen = (bold, screen.name.as_str(), screen.size_px, drawn.density);
+            let channels = drawn.calibrated.iter();
+            let channels = channels
+                .map(|channel| ("", channel.name.as_str(), channel.size_px, channel.density));
+            std::iter::once(of_screen).chain(channels)
+        });
+        let count = rows.clone().count();
+        for (style, name, [width, height], density) in rows.take(MOST_ROWS) {
             let name = if name.chars().count() > LETTERS {
                 let start: String = name.chars().take(LETTERS - 1).collect();
                 format!("{start}…")
             } else {
-                name.clone()
+                name.to_owned()
             };
-            self.text(NAME, "font-weight=\"bold\"", &name);
+            self.text(NAME, style, &name);
             let end = "text-anchor=\"end\"";
             self.text(PIXELS, end, &format!("{width} × {height}"));
-            match drawn.density {
+            match density {
                 Some(density) => {
                     self.text(SPARSEST, end, &format!("{:.0}", density.sparsest));
                     self.text(DENSEST, end, &format!("{:.0}", density.densest));
@@ -130,8 +138,8 @@ impl Legend {
             }
             self.height += LINE;
         }
-        if room.screens.len() > MOST_SCREENS {
-            let more = room.screens.len() - MOST_SCREENS;
+        if count > MOST_ROWS {
+            let more = count - MOST_ROWS;
             self.text(NAME, grey, &format!("and {more} more"));
             self.height += LINE;
         }

@@ -9,6 +9,7 @@ use protocol::Wall;
 use protocol::wall::{Observer, Rect, Screen, Surfaces, Tracker};
 use screens::HeadPose;
 
+use super::channels;
 use super::colour::Scale;
 use super::face::Face;
 use super::people::HEAD_M;
@@ -55,6 +56,15 @@ pub(super) struct Drawn<'a> {
     /// The sum of the cells' areas times their normals, in square metres: how much each view sees of it.
     pub(super) seen_m2: DVec3,
     pub(super) density: Option<screens::Density>,
+    pub(super) calibrated: Vec<Calibrated>,
+}
+
+/// A channel whose pixels a calibration file puts in place.
+pub(super) struct Calibrated {
+    /// `HOST/OUTPUT`.
+    pub(super) name: String,
+    pub(super) size_px: [u32; 2],
+    pub(super) density: Option<screens::Density>,
 }
 
 /// A head at rest, with its eyes.
@@ -86,7 +96,9 @@ impl<'a> Room<'a> {
         for (index, screen) in wall.screens.iter().enumerate() {
             if let Some(shape) = surfaces.shape(index) {
                 let face = Face::new(shape);
-                screens.push(drawn(wall, index, screen, &face, cells_a_side));
+                let mut drawn = drawn(wall, index, screen, &face, cells_a_side);
+                channels::add(&mut drawn, wall, surfaces);
+                screens.push(drawn);
             }
         }
         // The floor's origin is always in sight.
@@ -95,9 +107,11 @@ impl<'a> Room<'a> {
         let mut widen = |point: DVec3| (low, high) = (low.min(point), high.max(point));
         for screen in &screens {
             let corners = screen.cells.iter().flat_map(|cell| cell.corners_m);
+            let parts = screen.parts.iter().flat_map(|part| &part.outline_m);
             screen
                 .outline_m
                 .iter()
+                .chain(parts)
                 .copied()
                 .chain(corners)
                 .for_each(&mut widen);
@@ -206,10 +220,11 @@ fn drawn<'a>(
         seen_m2,
         density: head_m
             .and_then(|head_m| screens::pixel_density(face.shape, screen.size_px, head_m)),
+        calibrated: Vec::new(),
     }
 }
 
-/// The parts of a canvas that channels show, each once.
+/// The parts of a canvas that channels show, each once. What calibrations put in place is not among them.
 fn parts(wall: &Wall, index: usize, screen: &Screen, face: &Face<'_>) -> Vec<Part> {
     // By rectangle: ramps, and the names of outputs by host.
     type Shown<'w> = (Vec<[u32; 4]>, BTreeMap<&'w str, Vec<&'w str>>);
@@ -219,7 +234,7 @@ fn parts(wall: &Wall, index: usize, screen: &Screen, face: &Face<'_>) -> Vec<Par
             for channel in output
                 .channels
                 .iter()
-                .filter(|channel| channel.screen == index)
+                .filter(|channel| channel.screen == index && channel.calibration.is_none())
             {
                 let known = shown
                     .iter_mut()

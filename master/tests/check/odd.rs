@@ -1,6 +1,6 @@
 //! Every warning, provoked by a small change of a shipped wall.
 
-use super::{findings, shipped, warnings};
+use super::{findings, shipped, walls, warnings};
 
 /// A wall with one mistake: which one, what is replaced (everywhere) by what, words of one sentence that must be said,
 /// and how many are said.
@@ -360,6 +360,34 @@ fn every_mistake_is_named() {
         }
     }
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+#[test]
+fn calibrated_neighbours_of_other_densities_are_named() {
+    let archive = walls().join("pair.mpcdi");
+    let pair = shipped("pair-mpcdi").replace("\"pair.mpcdi\"", &format!("{archive:?}"));
+    assert_eq!(warnings(&pair), Vec::<String>::new());
+    let channel = "size_px = [1280, 800]\ncalibration";
+    let coarse = pair.replacen(channel, "size_px = [400, 250]\ncalibration", 1);
+    let said = warnings(&coarse);
+    assert_eq!(said.len(), 1, "{said:#?}");
+    for words in [
+        "output \"projection/left\" has 3.",
+        "times fewer pixels to a radian than output \"projection/right\"",
+    ] {
+        assert!(said[0].contains(words), "{said:#?}");
+    }
+    // The right projector without a calibration shows pixels of the canvas.
+    let plain = format!(
+        "{}[[hosts.outputs.channels]]\nscreen = \"front\"\ncanvas_px = [900, 0, 1148, 768]\n",
+        &coarse[..coarse.rfind("[[hosts.outputs.channels]]").unwrap()]
+    );
+    let said = warnings(&plain);
+    let named = said.iter().filter(|sentence| {
+        sentence.contains("output \"projection/left\" has")
+            && sentence.contains("fewer pixels to a radian than screen \"front\"")
+    });
+    assert_eq!(named.count(), 1, "{said:#?}");
 }
 
 #[test]

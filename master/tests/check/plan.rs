@@ -42,6 +42,7 @@ fn plans_hold_every_screen_head_and_eye_in_three_views() {
         ("powerwall-3x2-bezels", 1, 1, 0),
         ("demo-2x2", 1, 1, 0),
         ("single", 1, 1, 0),
+        ("pair-mpcdi", 1, 1, 0),
     ] {
         let svg = plan(wall);
         let document = Document::parse(&svg).unwrap();
@@ -106,6 +107,45 @@ fn curves_are_curves_and_nothing_leaves_the_page() {
                 assert_eq!(count, 4, "{wall} {screen}");
             }
         }
+    }
+}
+
+/// The parts of projectors that an archive puts in place are where it says, and in the colours of their own densities.
+#[test]
+fn calibrated_channels_are_drawn_where_they_fall() {
+    let svg = plan("pair-mpcdi");
+    let document = Document::parse(&svg).unwrap();
+    let extent = |node: &Node<'_, '_>| {
+        let points = points(node.attribute("d").unwrap());
+        let across = points.iter().map(|point| point[0]);
+        (
+            across.clone().fold(f64::MAX, f64::min),
+            across.fold(f64::MIN, f64::max),
+        )
+    };
+    let screen = of_class(&document, "outline")[1];
+    let (left, right) = extent(&screen);
+    let in_front = of_class(&document, "part");
+    let shares: Vec<(f64, f64)> = in_front[2..4]
+        .iter()
+        .map(|part| {
+            let (from, to) = extent(part);
+            let share = |x: f64| (x - left) / (right - left);
+            (share(from), share(to))
+        })
+        .collect();
+    // The overlap is a sixth of the canvas: 5/12 to 7/12.
+    let near = |a: f64, b: f64| (a - b).abs() < 0.02;
+    assert!(
+        near(shares[0].0, 0.0) && near(shares[0].1, 7.0 / 12.0),
+        "{shares:?}"
+    );
+    assert!(
+        near(shares[1].0, 5.0 / 12.0) && near(shares[1].1, 1.0),
+        "{shares:?}"
+    );
+    for name in ["projection/left<", "projection: right<"] {
+        assert!(svg.contains(name), "{name}");
     }
 }
 

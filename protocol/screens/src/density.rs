@@ -79,16 +79,31 @@ enum Look {
     Seen([f64; 2]),
 }
 
+/// The area of a pixel along the line of sight, in square metres times metres; `None` from behind, or too flat.
 /// `from_head` leads to the point; `x` and `y` are how the point moves with a pixel to the right and down.
-fn look(from_head: DVec3, x: DVec3, y: DVec3, relief_squared: f64) -> Look {
+fn depth(from_head: DVec3, x: DVec3, y: DVec3) -> Option<f64> {
     // Right × down is away from the viewers.
     let away = x.cross(y);
     let deep = away.dot(from_head);
-    let inverse = from_head.length_squared().recip();
     let flat = GRAZING_COSINE * GRAZING_COSINE * away.length_squared();
-    if deep <= 0.0 || deep * deep * inverse <= flat {
+    (deep > 0.0 && deep * deep * from_head.length_squared().recip() > flat).then_some(deep)
+}
+
+/// Pixels to a radian at one place, mean of both directions: the root of the pixels to a steradian. `from_head` leads to the
+/// place, `per_x` and `per_y` are how it moves with a pixel to the right and down, in metres. `None` from behind, and for
+/// pixels that are seen too flat, or have no size.
+#[must_use]
+pub fn pixels_per_radian(from_head: DVec3, per_x: DVec3, per_y: DVec3) -> Option<f64> {
+    // The area of a pixel across the line of sight, over the distance squared.
+    let steradians = depth(from_head, per_x, per_y)? / from_head.length().powi(3);
+    Some(steradians.sqrt().recip()).filter(|density| density.is_finite())
+}
+
+fn look(from_head: DVec3, x: DVec3, y: DVec3, relief_squared: f64) -> Look {
+    let Some(deep) = depth(from_head, x, y) else {
         return Look::Unseen;
-    }
+    };
+    let inverse = from_head.length_squared().recip();
     // What of a step is across the line of sight turns it; the area across it is what is seen of the pixel.
     let (along_x, along_y) = (x.dot(from_head), y.dot(from_head));
     let turns = |product: f64, along: f64| (product - along * inverse) * inverse;

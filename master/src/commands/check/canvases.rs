@@ -8,6 +8,8 @@ use protocol::wall::{Rect, ScreenShape, SphereCanvas};
 
 use crate::plan::face::Face;
 
+use super::calibrated::{Measured, hides_canvas};
+
 /// How near a head is to a screen at least, and what a screen measures, in metres.
 const NEAREST_M: f64 = 0.3;
 const LARGEST_M: f64 = 50.0;
@@ -15,15 +17,26 @@ const SMALLEST_M: f64 = 0.1;
 /// How much densities of a wall may differ at all.
 const RATIO: f64 = 4.0;
 
-pub(super) fn warn(wall: &Wall, faces: &[Option<Face<'_>>], warnings: &mut Vec<String>) {
-    let mut densities = Vec::new();
+pub(super) fn warn(
+    wall: &Wall,
+    faces: &[Option<Face<'_>>],
+    channels: &[Measured<'_>],
+    warnings: &mut Vec<String>,
+) {
+    let of_channels = channels.iter().filter_map(|channel| {
+        let name = format!("output \"{}\"", channel.name);
+        Some((channel.density?.sparsest, name))
+    });
+    let mut densities: Vec<(f64, String)> = of_channels.collect();
     for (index, (screen, face)) in wall.screens.iter().zip(faces).enumerate() {
         let (Some(face), Some(observer)) = (face, wall.observers.get(screen.observer)) else {
             continue;
         };
         let head_m = DVec3::from(observer.head_m);
-        if let Some(density) = screens::pixel_density(face.shape, screen.size_px, head_m) {
-            densities.push((density.sparsest, screen.name.as_str()));
+        if !hides_canvas(wall, index)
+            && let Some(density) = screens::pixel_density(face.shape, screen.size_px, head_m)
+        {
+            densities.push((density.sparsest, format!("screen \"{}\"", screen.name)));
         }
         if let Some(near) = face.nearest(head_m, NEAREST_M) {
             warnings.push(format!(
@@ -60,7 +73,7 @@ pub(super) fn warn(wall: &Wall, faces: &[Option<Face<'_>>], warnings: &mut Vec<S
         && dense.0 > RATIO * sparse.0
     {
         warnings.push(format!(
-            "screen \"{}\" has {:.1} times as many pixels to a radian as screen \"{}\", and detail follows the densest; check size_px and where they stand",
+            "{} has {:.1} times as many pixels to a radian as {}, and detail follows the densest; check size_px and where they stand",
             dense.1,
             dense.0 / sparse.0,
             sparse.1

@@ -5,10 +5,12 @@
 use glam::DVec3;
 use protocol::Wall;
 use protocol::wall::{Eye, Output, Screen, ScreenShape, Surfaces};
+use screens::Density;
 use serde::Serialize;
 
 use crate::plan::face::Face;
 
+use super::calibrated::{self, ChannelFindings, Measured};
 use super::{canvases, eyes, heads, meeting, overlaps, ramps, windows};
 
 /// Samples along a row and a column.
@@ -24,6 +26,7 @@ pub(super) struct Findings {
     pub(super) pixels: u64,
     pixels_per_radian: f64,
     pub(super) screens: Vec<ScreenFindings>,
+    pub(super) calibrated: Vec<ChannelFindings>,
     observers: Vec<ObserverFindings>,
     trackers: Vec<TrackerFindings>,
     pub(super) warnings: Vec<String>,
@@ -54,6 +57,15 @@ pub(super) struct ScreenFindings {
 pub(super) struct Range {
     pub(super) sparsest: f64,
     pub(super) densest: f64,
+}
+
+impl From<Density> for Range {
+    fn from(density: Density) -> Self {
+        Self {
+            sparsest: density.sparsest,
+            densest: density.densest,
+        }
+    }
 }
 
 /// How many outputs show a screen for which eye.
@@ -88,6 +100,7 @@ impl Findings {
         let faces: Vec<Option<Face<'_>>> = (0..wall.screens.len())
             .map(|index| surfaces.shape(index).map(Face::new))
             .collect();
+        let channels = Measured::all(wall, surfaces);
         let screens = wall.screens.iter().zip(&faces).enumerate();
         let screens = screens
             .filter_map(|(index, (screen, face))| measure(wall, index, screen, face.as_ref()?));
@@ -101,18 +114,20 @@ impl Findings {
                 .sum(),
             pixels_per_radian: surfaces.pixels_per_radian_from(wall, &wall.heads()),
             screens: screens.collect(),
+            calibrated: channels.iter().filter_map(|it| it.findings(wall)).collect(),
             observers: wall.observers.iter().map(|it| observer(wall, it)).collect(),
             trackers: trackers(wall),
-            warnings: warnings(wall, &faces),
+            warnings: warnings(wall, &faces, &channels),
         }
     }
 }
 
 /// What is legal but odd, one sentence each.
-fn warnings(wall: &Wall, faces: &[Option<Face<'_>>]) -> Vec<String> {
+fn warnings(wall: &Wall, faces: &[Option<Face<'_>>], channels: &[Measured<'_>]) -> Vec<String> {
     let mut warnings = Vec::new();
     heads::warn(wall, faces, &mut warnings);
-    canvases::warn(wall, faces, &mut warnings);
+    canvases::warn(wall, faces, channels, &mut warnings);
+    calibrated::warn(wall, faces, channels, &mut warnings);
     let shared = meeting::warn(wall, faces, &mut warnings);
     eyes::warn(wall, &mut warnings);
     let by_screen = overlaps::by_screen(wall);
@@ -142,10 +157,7 @@ fn measure(wall: &Wall, index: usize, screen: &Screen, face: &Face<'_>) -> Optio
         distance_m: nearest.point_m.distance(head_m),
         field_of_view_deg: [width.1, height.1],
         seen_share: density.map_or(0.0, |density| density.seen_share),
-        pixels_per_radian: density.map(|density| Range {
-            sparsest: density.sparsest,
-            densest: density.densest,
-        }),
+        pixels_per_radian: density.map(Range::from),
         outputs: shown(wall, index),
     })
 }

@@ -1,11 +1,14 @@
 //! How screens meet in the room: gaps, crossings, densities that differ between neighbours, edges that overlap.
 //!
-//! In: a wall and its surfaces. Out: sentences, and the edges on which another screen goes on. It knows no outputs.
+//! In: a wall and its surfaces. Out: sentences, and the edges on which another screen goes on. Of outputs it knows only
+//! whether anybody sees a canvas.
 
 use glam::DVec3;
 use protocol::Wall;
 
 use crate::plan::face::{Edge, Face};
+
+use super::calibrated::hides_canvas;
 
 /// Edges so near are meant to meet, in metres.
 const NEAR_M: f64 = 0.2;
@@ -21,7 +24,7 @@ const SHARED_SHARE: f64 = 0.9;
 /// Below this cosine of the angle between normals surfaces go through each other, and not along each other.
 const ALONG_COSINE: f64 = 0.9;
 /// How much pixel densities of neighbours may differ.
-const RATIO: f64 = 2.0;
+pub(super) const RATIO: f64 = 2.0;
 
 /// An edge on which another screen shows a picture, too.
 pub(super) struct SharedEdge {
@@ -97,7 +100,10 @@ pub(super) fn warn(
             let along = [(a, b, edges(a, b)), (b, a, edges(b, a))];
             gap(&along, warnings);
             crossing(a, b, warnings);
-            density(a, b, &along, warnings);
+            // Channels that calibrations put in place are compared by what they light.
+            if ![a, b].iter().any(|side| hides_canvas(wall, side.index)) {
+                density(a, b, &along, warnings);
+            }
             for (a, b, edges) in &along {
                 shared.extend(
                     edges
@@ -329,7 +335,7 @@ fn density(
     }
 }
 
-fn ratio((a, b): (f64, f64)) -> f64 {
+pub(super) fn ratio((a, b): (f64, f64)) -> f64 {
     a.max(b) / a.min(b)
 }
 
