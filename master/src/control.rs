@@ -152,6 +152,8 @@ impl Control {
                 if let Err(error) = runtime.block_on(served) {
                     tracing::warn!(%error, "the control API has ended");
                 }
+                // A request may be reading the wall's files, from a disk that does not answer: the run ends all the same.
+                runtime.shutdown_background();
             })
             .map_err(ControlError::System)?;
         Ok(Self {

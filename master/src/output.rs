@@ -10,6 +10,11 @@ use serde::Serialize;
 
 use crate::failure::Failure;
 
+/// A number of things, in words: `1 frame`, `2 frames`.
+pub(crate) fn counted(count: usize, thing: &str) -> String {
+    format!("{count} {thing}{}", if count == 1 { "" } else { "s" })
+}
+
 /// Prints text and a newline. A reader that has closed its end (`| head`) is no failure.
 pub(crate) fn line(text: impl std::fmt::Display) -> Result<(), Failure> {
     match writeln!(std::io::stdout().lock(), "{text}") {

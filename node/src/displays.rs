@@ -299,7 +299,7 @@ pub(crate) fn surfaces(wall: &Wall) -> Result<Surfaces, PictureError> {
             }
         }
     }
-    Ok(surfaces.with_calibrated(calibrated))
+    Ok(surfaces.with_calibrated(wall, calibrated))
 }
 
 const NO_SCREEN: &str = "a channel has no screen";

@@ -16,6 +16,7 @@ mod windows;
 
 use crate::args::Check;
 use crate::failure::{Failure, OrConfiguration as _};
+use crate::output::counted;
 use crate::{output, plan};
 
 use super::files;
@@ -55,11 +56,6 @@ pub(crate) fn run(args: &Check) -> Result<(), Failure> {
         output::line("  nothing odd")?;
     }
     Ok(())
-}
-
-/// A number of things.
-fn counted(count: usize, thing: &str) -> String {
-    format!("{count} {thing}{}", if count == 1 { "" } else { "s" })
 }
 
 fn densities(range: Option<&Range>) -> String {

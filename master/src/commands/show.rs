@@ -133,8 +133,8 @@ fn finish(show: &Show, wall: &Wall, outcome: &MasterOutcome) -> Result<(), Failu
     } else {
         let report = &outcome.report;
         output::line(format!(
-            "{} frames at {:.1} a second; skew p50 {:.2} ms, p99 {:.2} ms; {}{}",
-            report.frames,
+            "{} at {:.1} a second; skew p50 {:.2} ms, p99 {:.2} ms; {}{}",
+            output::counted(report.frames as usize, "frame"),
             report.fps,
             report.skew_us.p50 / 1e3,
             report.skew_us.p99 / 1e3,

@@ -7,6 +7,7 @@ use std::fmt::Write as _;
 use super::colour::{STEPS, of_step};
 use super::scene::Room;
 use super::view::round_step;
+use crate::output::counted;
 use crate::plot::escape;
 
 /// Width of the legend.
@@ -22,11 +23,6 @@ const SPARSEST: f64 = 330.0;
 const DENSEST: f64 = 430.0;
 /// Letters of a name that fit.
 const LETTERS: usize = 26;
-
-/// A number of things.
-fn counted(count: usize, thing: &str) -> String {
-    format!("{count} {thing}{}", if count == 1 { "" } else { "s" })
-}
 
 /// Text of a legend at the origin.
 pub(super) struct Legend {

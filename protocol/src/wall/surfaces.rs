@@ -1,6 +1,7 @@
 //! What the pictures of a wall fall on: the surfaces of its screens, and pixels that calibration files put in place.
 //! In: a validated wall, what the files say that it names. Out: shapes, and how dense pixels are for heads. It opens no file.
 
+use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use glam::DVec3;
@@ -27,6 +28,8 @@ pub struct CalibratedChannel {
 pub struct Surfaces {
     shapes: Vec<Option<Shape>>,
     calibrated: Vec<CalibratedChannel>,
+    /// Every screen with every eye for which some channel shows its canvas.
+    canvases: Vec<Sight>,
 }
 
 impl CalibratedChannel {
@@ -59,13 +62,34 @@ impl Surfaces {
         Ok(Self {
             shapes,
             calibrated: Vec::new(),
+            canvases: wall.sights(),
         })
     }
 
-    /// The same with these channels, whose pixels are then no longer counted as those of their canvas.
+    /// The same with these channels of that wall, whose pixels are then no longer counted as those of their canvas.
     #[must_use]
-    pub fn with_calibrated(self, calibrated: Vec<CalibratedChannel>) -> Self {
-        Self { calibrated, ..self }
+    pub fn with_calibrated(self, wall: &Wall, calibrated: Vec<CalibratedChannel>) -> Self {
+        let places = calibrated
+            .iter()
+            .map(|calibrated| (calibrated.host, calibrated.output, calibrated.channel));
+        let places: BTreeSet<(usize, usize, usize)> = places.collect();
+        let mut canvases = Vec::new();
+        for (host, of_host) in wall.hosts.iter().enumerate() {
+            for (output, of_output) in of_host.outputs.iter().enumerate() {
+                let channels = of_output.channels.iter().enumerate();
+                let plain = channels
+                    .filter(|(channel, _)| !places.contains(&(host, output, *channel)))
+                    .flat_map(|(_, channel)| of_output.sights_of(channel));
+                canvases.extend(plain);
+            }
+        }
+        canvases.sort_unstable();
+        canvases.dedup();
+        Self {
+            calibrated,
+            canvases,
+            ..self
+        }
     }
 
     /// The channels that calibration files put in place.
@@ -96,9 +120,9 @@ impl Surfaces {
     /// of one part in this many of a radian is at most one pixel on every channel.
     #[must_use]
     pub fn pixels_per_radian_from(&self, wall: &Wall, heads: &[Head]) -> f64 {
-        let of_canvases = self.canvases(wall).into_iter().filter_map(|sight| {
+        let of_canvases = self.canvases.iter().filter_map(|sight| {
             let screen = wall.screens.get(sight.screen)?;
-            let eye_m = wall.eye_m(sight, heads);
+            let eye_m = wall.eye_m(*sight, heads);
             let density = match screen.shape {
                 ScreenShape::Surface { .. } => {
                     of_surface(self.shape(sight.screen)?, screen.size_px, eye_m)?
@@ -117,27 +141,5 @@ impl Surfaces {
             })
         });
         of_canvases.chain(of_channels).fold(0.0, f64::max)
-    }
-
-    /// Every screen with every eye for which some channel shows its canvas.
-    #[must_use]
-    pub fn canvases(&self, wall: &Wall) -> Vec<Sight> {
-        let mut sights = Vec::new();
-        for (host, of_host) in wall.hosts.iter().enumerate() {
-            for (output, of_output) in of_host.outputs.iter().enumerate() {
-                for (channel, of_channel) in of_output.channels.iter().enumerate() {
-                    let is_calibrated = self.calibrated.iter().any(|calibrated| {
-                        (calibrated.host, calibrated.output, calibrated.channel)
-                            == (host, output, channel)
-                    });
-                    if !is_calibrated {
-                        sights.extend(of_output.sights_of(of_channel));
-                    }
-                }
-            }
-        }
-        sights.sort_unstable();
-        sights.dedup();
-        sights
     }
 }
